@@ -1,0 +1,1 @@
+"""Benchmarks: the peer solver and the comparisons that `make bench` prints."""

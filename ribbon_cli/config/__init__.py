@@ -1,0 +1,21 @@
+"""Configs: YAML with positions in, checked and resolved records out."""
+
+from ribbon_cli.config.parse import load_config, parse_config
+from ribbon_cli.config.problems import ConfigError, Problem
+from ribbon_cli.config.recipes import RECIPES
+from ribbon_cli.config.templates import templates
+from ribbon_cli.config.types import Config, Guess, Refinement, SpectrumRequest, dump_resolved
+
+__all__ = [
+    "RECIPES",
+    "Config",
+    "ConfigError",
+    "Guess",
+    "Problem",
+    "Refinement",
+    "SpectrumRequest",
+    "dump_resolved",
+    "load_config",
+    "parse_config",
+    "templates",
+]

@@ -1,0 +1,90 @@
+"""The section `initial_guess`: a recipe with its settings, or a stored state."""
+
+from __future__ import annotations
+
+import os
+
+from ribbon_cli.config.document import Node
+from ribbon_cli.config.reader import Limit, Reader
+from ribbon_cli.config.recipes import RECIPES, Count, topology_problem
+from ribbon_cli.config.types import Guess
+
+STATE_FILES = (".npz", ".h5")
+_MAX_STATE = 1024  # characters of a reference or path
+_STATE = "a state, as RUN:LABEL or 'RUN@b=0.5,N=400', or the path of a .npz or .h5 file"
+_NO_GUESS = Guess("")
+
+
+def initial_guess(
+    reader: Reader, node: Node | None, half_twists: int | None, limit: Limit | None, folder: str
+) -> Guess:
+    """The initial guess, without what is wrong in it. `folder` is the config file's own."""
+    if node is None:
+        return _NO_GUESS
+    if node.kind != "mapping":
+        reader.mapping(node, "initial_guess", ("recipe", "segments", "half_width"))
+        return _NO_GUESS
+    given: dict[str, Node] = {}
+    for key, value in zip(node.items[::2], node.items[1::2], strict=True):
+        given.setdefault(key.text, value)
+    if "state" in given and "recipe" not in given:
+        return _state(reader, node, list(given), folder)
+    return _recipe(reader, node, given, half_twists, limit)
+
+
+def _recipe(
+    reader: Reader, node: Node, given: dict[str, Node], half_twists: int | None, limit: Limit | None
+) -> Guess:
+    name = given["recipe"].text if "recipe" in given and given["recipe"].text in RECIPES else ""
+    recipes = [RECIPES[name]] if name else list(RECIPES.values())
+    settings = {key: setting for recipe in recipes for key, setting in recipe.settings.items()}
+    required = {"recipe": f"{' or '.join(RECIPES)}, or start from a state: {{state: ...}}"}
+    if name:
+        required |= {key: setting.expected for key, setting in settings.items() if setting.default is None}
+    refused = {"state": "cannot stand beside a recipe: keep one of the two"}
+    found = reader.mapping(
+        node, "initial_guess", ("recipe", *settings), required=required, refused=refused, what=name
+    )
+    values: dict[str, int | None] = {}
+    half_width = None
+    for key, setting in settings.items():
+        field = f"initial_guess.{key}"
+        if isinstance(setting, Count):
+            values[key] = setting.default
+            if key in found:
+                values[key] = reader.integer(found[key], field, setting.low, setting.high)
+        elif key in found:
+            half_width = reader.positive(found[key], field, limit)
+    if "recipe" in found:
+        _check_recipe(reader, found["recipe"], half_twists)
+    return Guess(name, values.get("segments"), half_width, values.get("steps"))
+
+
+def _check_recipe(reader: Reader, node: Node, half_twists: int | None) -> None:
+    name = reader.word(node, "initial_guess.recipe", RECIPES)
+    misfit = topology_problem(name, half_twists) if name and half_twists is not None else None
+    if misfit:
+        reader.report(node, "initial_guess.recipe", misfit)
+
+
+def _state(reader: Reader, node: Node, given: list[str], folder: str) -> Guess:
+    """A stored state, which brings its own segments and half-width."""
+    settings = [key for recipe in RECIPES.values() for key in recipe.settings]
+    refused = dict.fromkeys(settings, "does not go with a state: remove it")
+    refused |= dict.fromkeys(("segments", "half_width"), "comes with the state: remove it")
+    # In braces a comma ends the value: {state: RUN@b=0.5,N=400} gives a key "N=400".
+    refused |= {
+        key: "is cut off from the reference: put the whole of it in quotes" for key in given if "=" in key
+    }
+    found = reader.mapping(
+        node, "initial_guess", ("state",), required={"state": _STATE}, refused=refused, what="a state"
+    )
+    text = reader.text(found["state"], "initial_guess.state", _STATE) if "state" in found else None
+    if text is None:
+        return _NO_GUESS
+    is_file = text.lower().endswith(STATE_FILES)
+    if len(text) > _MAX_STATE or ("/" in text and not is_file):
+        reader.wrong(found["state"], "initial_guess.state", f"must be {_STATE}")
+        return _NO_GUESS
+    opened = os.path.abspath(os.path.join(folder, os.path.expanduser(text))) if is_file else text
+    return Guess("state", state=opened, state_as_written=text)

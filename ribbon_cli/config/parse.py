@@ -1,0 +1,137 @@
+"""From a file or text to a `Config`, or to all the problems in it at once."""
+
+from __future__ import annotations
+
+import os
+import re
+from pathlib import Path
+
+from ribbon_cli.config import sections
+from ribbon_cli.config.document import MAX_BYTES, Node, position, read_document
+from ribbon_cli.config.guess import initial_guess
+from ribbon_cli.config.problems import Problems, near_miss, shown
+from ribbon_cli.config.reader import Limit, Reader
+from ribbon_cli.config.types import Config
+
+KEYS = (
+    "name",
+    "topology",
+    "length",
+    "discretisation",
+    "initial_guess",
+    "widths",
+    "refinement",
+    "spectrum",
+    "contact",
+)
+_REQUIRED = {
+    "topology": "{half_twists: 1} for a Moebius band, 0 for a cylinder",
+    "initial_guess": "a recipe, as {recipe: twist, segments: 50, half_width: 0.1}",
+}
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
+_NAME_RULE = "1 to 64 of the characters A-Z a-z 0-9 . _ - and begin with a letter or digit"
+
+
+def load_config(path: str | os.PathLike[str]) -> Config:
+    """Read and check the config at `path`. Raises ConfigError with everything that is wrong."""
+    file = os.fsdecode(path)
+    problems = Problems(file)
+    data = _read(file, problems)
+    try:
+        text = data.decode("utf-8")
+    except UnicodeDecodeError as error:
+        _report_not_utf8(data, error.start, problems)
+        raise problems.error() from None
+    return parse_config(text, file)
+
+
+def parse_config(text: str, path: str | os.PathLike[str]) -> Config:
+    """Check a config given as text; `path` names it in messages and gives the folder of relative paths.
+
+    Raises ConfigError with everything that is wrong.
+    """
+    path = os.fsdecode(path)
+    problems = Problems(path)
+    root = read_document(text, problems)
+    if root is None:
+        raise problems.error()
+    reader = Reader(problems)
+    top = reader.mapping(root, "", KEYS, required=_REQUIRED)
+    name = _name(reader, top.get("name"), root, path)
+    half_twists = sections.topology(reader, top.get("topology"))
+    length = sections.length(reader, top.get("length"))
+    limit: Limit | None = None if length is None else (length, "the band's length")
+    discretisation = sections.choice(reader, top, "discretisation", ("thesis", "value-average"))
+    guess = initial_guess(reader, top.get("initial_guess"), half_twists, limit, os.path.dirname(path))
+    widths = sections.widths(reader, top.get("widths"), limit, guess)
+    refinement = sections.refinement(reader, top.get("refinement"), guess, widths)
+    spectrum = sections.spectrum(reader, top.get("spectrum"))
+    contact = sections.choice(reader, top, "contact", ("record", "stop"))
+    if problems.found or half_twists is None or length is None or widths is None:
+        raise problems.error()
+    is_range = "widths" in top and top["widths"].kind == "mapping"
+    return Config(
+        name=name,
+        half_twists=half_twists,
+        length=length,
+        discretisation=discretisation,
+        guess=guess,
+        widths=widths,
+        widths_kind="range" if is_range else "list",
+        refinement=refinement,
+        spectrum=spectrum,
+        contact=contact,
+        text=text,
+        path=path,
+    )
+
+
+def _name(reader: Reader, node: Node | None, root: Node, path: str) -> str:
+    """The run's name, by default the file's stem; it becomes a folder's, so no path can hide in it."""
+    if node is None:
+        stem = Path(path).stem
+        if not _NAME.fullmatch(stem):
+            problem = f"is missing, and the file's {stem[:40]!a} cannot stand for it"
+            reader.report(root, "name", f"{problem}: give {_NAME_RULE}")
+        return stem
+    name = reader.text(node, "name", _NAME_RULE)
+    if name is not None and not _NAME.fullmatch(name):
+        reader.wrong(node, "name", f"must be {_NAME_RULE}")
+    return name or ""
+
+
+def _read(file: str, problems: Problems) -> bytes:
+    try:
+        with open(file, "rb") as stream:
+            data = stream.read(MAX_BYTES + 1)
+    except FileNotFoundError:
+        problems.add(0, 0, "", f"no such file{_other_file(file)}")
+    except IsADirectoryError:
+        problems.add(0, 0, "", "is a folder: name a config file in it")
+    except PermissionError:
+        problems.add(0, 0, "", "cannot be read: permission denied")
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the path
+        problems.add(0, 0, "", f"cannot be read: {getattr(error, 'strerror', None) or error}")
+    else:
+        if len(data) <= MAX_BYTES:
+            return data
+        problems.add(0, 0, "", "larger than 1 MiB, which no config needs")
+    raise problems.error() from None
+
+
+def _other_file(file: str) -> str:
+    """A hint at a config nearby with almost the same name."""
+    folder, name = os.path.split(file)
+    try:
+        near = [entry for entry in os.listdir(folder or ".") if entry.endswith((".yaml", ".yml"))]
+    except OSError:
+        return ""
+    meant = near_miss(name, near[:1000])
+    return f": did you mean {shown(os.path.join(folder, meant))}?" if meant else ""
+
+
+def _report_not_utf8(data: bytes, offset: int, problems: Problems) -> None:
+    before = data[:offset].decode("utf-8").removeprefix("\ufeff")
+    byte = f"byte 0x{data[offset]:02x} at offset {offset}"
+    encoding = " (it looks like UTF-16)" if data[:2] in (b"\xff\xfe", b"\xfe\xff") else ""
+    problems.add(*position(before, len(before)), "", f"not UTF-8, {byte}{encoding}: save the file in UTF-8")

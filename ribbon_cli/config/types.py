@@ -1,0 +1,128 @@
+"""What a config says, resolved: frozen records of plain Python values."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import yaml
+
+METRICS = ("euclidean", "physical")
+
+
+@dataclass(frozen=True)
+class Guess:
+    """Where the first state comes from: a recipe, or (`recipe` "state") a stored state.
+
+    `segments` N and `half_width` b are None with a state, which brings its own. `steps` is the number of
+    twist stages, None for other recipes. `state` is what to open, a reference or an absolute path;
+    `state_as_written` is what the config says.
+    """
+
+    recipe: str
+    segments: int | None = None
+    half_width: float | None = None
+    steps: int | None = None
+    state: str | None = None
+    state_as_written: str | None = None
+
+
+@dataclass(frozen=True)
+class Refinement:
+    """The numbers of segments to solve with, each double the one before.
+
+    `levels` starts at the guess's segments; it is empty when a state's own mesh is all that is asked for.
+    `at` holds the widths that are refined, exactly as they stand in `Config.widths`; None means all, and
+    the widths left out are solved on the first level alone.
+    """
+
+    levels: tuple[int, ...]
+    at: tuple[float, ...] | None = None
+
+
+@dataclass(frozen=True)
+class SpectrumRequest:
+    """How much of the eigen-spectrum to store with a state.
+
+    `modes` lowest modes besides rotations, in each of `metrics`; all of them where N <= `full_up_to`.
+    """
+
+    modes: int = 12
+    full_up_to: int = 200
+    metrics: tuple[str, ...] = METRICS
+
+
+@dataclass(frozen=True)
+class Config:
+    """A whole config, checked and resolved.
+
+    `half_twists` n means the linking number n/2, sign included; `length` is the midline's. `widths` are
+    half-widths b in the order of solving, empty where a state's own width is all that is asked for;
+    `widths_kind` tells how they were given. `text` is the file as written, `path` as the user gave it.
+    """
+
+    name: str
+    half_twists: int
+    length: float
+    discretisation: str
+    guess: Guess
+    widths: tuple[float, ...]
+    widths_kind: Literal["list", "range"]
+    refinement: Refinement
+    spectrum: SpectrumRequest
+    contact: str
+    text: str
+    path: str
+
+    def resolved(self) -> dict[str, Any]:
+        """Everything, spelled out with plain values in the config's own layout: itself a valid config."""
+        scientific = self.scientific()
+        if self.guess.state is not None:
+            scientific["initial_guess"] = {"state": self.guess.state}
+        return {"name": self.name, **scientific}
+
+    def scientific(self) -> dict[str, Any]:
+        """The part that determines the states: all but the name, where files lie, and how it was spelled."""
+        guess = self.guess
+        recipe = {
+            "recipe": guess.recipe,
+            "segments": guess.segments,
+            "half_width": guess.half_width,
+            "steps": guess.steps,
+        }
+        levels, at = list(self.refinement.levels), self.refinement.at
+        part: dict[str, Any] = {
+            "topology": {"half_twists": self.half_twists},
+            "length": self.length,
+            "discretisation": self.discretisation,
+            "initial_guess": (
+                {"state": guess.state_as_written}
+                if guess.recipe == "state"
+                else {key: value for key, value in recipe.items() if value is not None}
+            ),
+        }
+        if self.widths:
+            part["widths"] = list(self.widths)
+        if levels:
+            part["refinement"] = levels if at is None else {"levels": levels, "at": list(at)}
+        part["spectrum"] = {
+            "modes": self.spectrum.modes,
+            "full_up_to": self.spectrum.full_up_to,
+            "metrics": list(self.spectrum.metrics),
+        }
+        part["contact"] = self.contact
+        return part
+
+    def hash8(self) -> str:
+        """First 8 hexadecimal digits of the SHA-256 of `scientific()` as canonical JSON (floats by repr)."""
+        canonical = json.dumps(self.scientific(), sort_keys=True, separators=(",", ":"), allow_nan=False)
+        return hashlib.sha256(canonical.encode("ascii")).hexdigest()[:8]
+
+
+def dump_resolved(config: Config) -> str:
+    """`config.resolved()` as YAML text, a line for each setting where it fits."""
+    return yaml.safe_dump(
+        config.resolved(), sort_keys=False, default_flow_style=None, width=110, allow_unicode=True
+    )

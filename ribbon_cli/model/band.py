@@ -1,0 +1,133 @@
+"""Bands, their discrete states and their multipliers, as frozen values.
+
+A closed band of midline length l and half-width b is a strip cut into N flat facets, h = l/N.
+Facet i lies between nodes i and i+1; rulings sit at nodes, tangents and xi at facets.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class Discretisation(str, Enum):
+    """How xi enters the energy at a node, Koldaev (2022), (2.15)."""
+
+    THESIS = "thesis"
+    """F at the average: F((xi_i + xi_{i-1}) / 2)."""
+    VALUE_AVERAGE = "value-average"
+    """Average of F: (F(xi_i) + F(xi_{i-1})) / 2."""
+
+
+@dataclass(frozen=True)
+class Band:
+    """What is fixed while a band is deformed.
+
+    `segments` is N; `half_width` b and `length` l share one unit of length; `sigma` is +1 where
+    the seam joins like sides and -1 on a one-sided band: g_{N+1} = sigma g_1, xi_0 = sigma xi_N.
+    Raises ValueError for values outside these ranges.
+    """
+
+    segments: int
+    half_width: float
+    length: float = 2.0 * math.pi
+    sigma: int = 1
+    discretisation: Discretisation = Discretisation.THESIS
+
+    def __post_init__(self) -> None:
+        if self.segments < 3:
+            raise ValueError(f"a band needs at least 3 segments, got {self.segments}")
+        if not (math.isfinite(self.half_width) and self.half_width > 0):
+            raise ValueError(f"half-width must be positive and finite, got {self.half_width}")
+        if not (math.isfinite(self.length) and self.length > 0):
+            raise ValueError(f"length must be positive and finite, got {self.length}")
+        if self.sigma not in (1, -1):
+            raise ValueError(f"sigma must be +1 or -1, got {self.sigma}")
+
+    @property
+    def h(self) -> float:
+        """Length of a facet's midline, l/N."""
+        return self.length / self.segments
+
+    def with_half_width(self, half_width: float) -> Band:
+        """Return the band with another half-width."""
+        return replace(self, half_width=half_width)
+
+    def with_segments(self, segments: int) -> Band:
+        """Return the band cut into another number of facets."""
+        return replace(self, segments=segments)
+
+
+@dataclass(frozen=True)
+class State:
+    """A discrete configuration: tangents u (N,3), rulings g (N,3) and xi (N,).
+
+    All are dimensionless; b g_i is the half-ruling from the midline to the strip's edge.
+    """
+
+    band: Band
+    u: Array
+    g: Array
+    xi: Array
+
+    def __post_init__(self) -> None:
+        n = self.band.segments
+        if self.u.shape != (n, 3) or self.g.shape != (n, 3) or self.xi.shape != (n,):
+            raise ValueError(
+                f"state of {n} segments needs u ({n},3), g ({n},3), xi ({n},); "
+                f"got {self.u.shape}, {self.g.shape}, {self.xi.shape}"
+            )
+
+    @classmethod
+    def from_vector(cls, band: Band, x: Array) -> State:
+        """Unpack the node-major vector x (7N,) of (u_i, g_i, xi_i)."""
+        y = np.asarray(x, dtype=np.float64).reshape(band.segments, 7)
+        return cls(band, y[:, :3].copy(), y[:, 3:6].copy(), y[:, 6].copy())
+
+    def vector(self) -> Array:
+        """Pack into the node-major vector x (7N,) of (u_i, g_i, xi_i)."""
+        return np.column_stack((self.u, self.g, self.xi)).ravel()
+
+    def next_rulings(self) -> Array:
+        """Rulings at each facet's far node, g_{i+1} (N,3), with g_{N+1} = sigma g_1."""
+        g = np.roll(self.g, -1, axis=0)
+        g[-1] *= self.band.sigma
+        return g
+
+
+@dataclass(frozen=True)
+class Multipliers:
+    """Discrete reaction forces in the normalisation of Koldaev (2022), (1.58): |u|^2 - 1.
+
+    lambda_1..lambda_5 (N,) approximate the continuous fields; lambda_1, lambda_4, lambda_5 sit at
+    facets and lambda_2, lambda_3 at nodes, (2.48). gamma (3,) is the closure force.
+    """
+
+    lambda_1: Array
+    lambda_2: Array
+    lambda_3: Array
+    lambda_4: Array
+    lambda_5: Array
+    gamma: Array
+
+    @classmethod
+    def from_vector(cls, segments: int, y: Array) -> Multipliers:
+        """Unpack (5N+3,) ordered node by node, closure last."""
+        node = y[: 5 * segments].reshape(segments, 5)
+        return cls(*(node[:, k].copy() for k in range(5)), y[5 * segments : 5 * segments + 3].copy())
+
+    def vector(self) -> Array:
+        """Pack into (5N+3,) ordered node by node, closure last."""
+        fields = (self.lambda_1, self.lambda_2, self.lambda_3, self.lambda_4, self.lambda_5)
+        return np.concatenate((np.column_stack(fields).ravel(), self.gamma))
+
+    @classmethod
+    def zeros(cls, segments: int) -> Multipliers:
+        """All multipliers zero."""
+        return cls.from_vector(segments, np.zeros(5 * segments + 3))

@@ -1,0 +1,176 @@
+"""Folding coordinates: a discrete band as a strip folded N times, Koldaev (2022), section 2.1.1.
+
+Node i is folded by the angle theta_i about its ruling (eta_i, 0, 1) / sqrt(1 + eta_i^2) in the facet
+frame (t, n, b). Frames are the products of these rotations, so any 2N numbers give an isometric
+open strip; closure is 3 + 3 equations. Curvature is kappa h = theta / sqrt(1 + eta^2) and torsion
+tau = kappa eta.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .band import Array, Band, State
+
+ETA_W = 0.0
+XI_LIMIT = 1.0 - 1e-9  # rulings this close to meeting have no finite xi: tanh xi = b eta' < 1
+
+
+class ClosureError(ValueError):
+    """A strip could not be closed, or its rulings meet inside the strip."""
+
+
+@dataclass(frozen=True)
+class Folding:
+    """Fold angles theta (N,) in radians and eta = u.g (N,) at the nodes."""
+
+    theta: Array
+    eta: Array
+
+
+def _rotations(theta: Array, eta: Array) -> Array:
+    """Fold rotations (N,3,3) in the facet frame (Rodrigues)."""
+    w = 1.0 / np.sqrt(1.0 + eta**2)
+    ax, az = eta * w, w
+    c, s = np.cos(theta), np.sin(theta)
+    v = 1.0 - c
+    out = np.empty((theta.size, 3, 3))
+    out[:, 0, 0], out[:, 0, 1], out[:, 0, 2] = c + ax * ax * v, -az * s, ax * az * v
+    out[:, 1, 0], out[:, 1, 1], out[:, 1, 2] = az * s, c, -ax * s
+    out[:, 2, 0], out[:, 2, 1], out[:, 2, 2] = ax * az * v, ax * s, c + az * az * v
+    return out
+
+
+def _scan(rotations: Array) -> Array:
+    """Running products R_1, R_1 R_2, ... (N,3,3) in log2 N vectorised sweeps."""
+    out = rotations.copy()
+    step = 1
+    while step < out.shape[0]:
+        out[step:] = out[:-step] @ out[step:]
+        step *= 2
+    return out
+
+
+def frames(folding: Folding, first: Array) -> Array:
+    """Facet frames (N,3,3), columns (t, n, b) of facets 1..N; `first` (3,3) is facet 1's.
+
+    Fold 1 sits at the seam, between facet N and facet 1, and is not used here.
+    """
+    r = _rotations(folding.theta, folding.eta)
+    r[0] = first
+    return _scan(r)
+
+
+def from_state(state: State) -> Folding:
+    """Fold angles and eta of a state; at the seam facet N is seen from facet 1's side by sigma."""
+    u, g, sigma = state.u, state.g, state.band.sigma
+    frame = facet_frames(state)
+    before = np.roll(frame, 1, axis=0)
+    before[0, :, 1:] *= sigma
+    axis = g / np.linalg.norm(g, axis=1)[:, None]
+    old, new = before[:, :, 1], frame[:, :, 1]
+    theta = np.arctan2(
+        np.einsum("ij,ij->i", np.cross(old, new), axis), np.einsum("ij,ij->i", old, new)
+    )
+    return Folding(theta, np.einsum("ij,ij->i", u, g))
+
+
+def facet_frames(state: State) -> Array:
+    """Frames (N,3,3) of the facets, columns t = u, n = b x t, b = the ruling's part normal to u."""
+    b = state.g - np.einsum("ij,ij->i", state.g, state.u)[:, None] * state.u
+    b = b / np.linalg.norm(b, axis=1)[:, None]
+    return np.stack((state.u, np.cross(b, state.u), b), axis=2)
+
+
+def closure_residual(folding: Folding, sigma: int) -> Array:
+    """How far a strip is from closing, (12,): the seam's frame mismatch (9) and the mean tangent (3).
+
+    The frame after fold 1 at the far end must be facet 1's with normal and binormal times sigma.
+    The full 3x3 mismatch is used since its skew part also vanishes at half-turns.
+    """
+    f = frames(folding, np.eye(3))
+    last = f[-1] @ np.diag([1.0, sigma, sigma]) @ _rotations(folding.theta[:1], folding.eta[:1])[0]
+    return np.concatenate(((last - np.eye(3)).ravel(), f[:, :, 0].mean(axis=0)))
+
+
+def _closure_derivative(folding: Folding, sigma: int) -> tuple[Array, Array]:
+    """Residual (12,) and its Jacobian (12, 2N) in (theta, eta)."""
+    n = folding.theta.size
+    turn = np.diag([1.0, sigma, sigma])
+    r = _rotations(folding.theta, folding.eta)
+    f = frames(folding, np.eye(3))
+    end = f[-1] @ turn @ r[0]
+    before = np.roll(f, 1, axis=0)
+    before[0] = f[-1] @ turn
+    # Infinitesimal rotation vectors, in space, of unit changes of theta_i and eta_i: the fold's
+    # axis a itself, and for eta the vector of dR R^T = [v]x with
+    # v = sin(theta) a' + (1 - cos(theta)) a x a', a' = da/deta.
+    w = 1.0 / np.sqrt(1.0 + folding.eta**2)
+    zero = np.zeros(n)
+    axis = np.stack((folding.eta * w, zero, w), axis=1)
+    daxis = np.stack((w**3, zero, -folding.eta * w**3), axis=1)
+    s, c = np.sin(folding.theta)[:, None], np.cos(folding.theta)[:, None]
+    spin = np.stack((axis, s * daxis + (1.0 - c) * np.cross(axis, daxis)), axis=1)
+    spin = np.einsum("nij,nkj->nki", before, spin)  # (N, 2, 3)
+    tangent = f[:, :, 0]
+    downstream = np.cumsum(tangent[::-1], axis=0)[::-1] / n
+    downstream[0] = 0.0  # fold 1 is the last one met, no tangent follows it
+    jacobian = np.empty((12, n, 2))
+    for column in range(3):
+        turned = np.cross(spin, end[:, column])
+        jacobian[column:9:3] = turned.transpose(2, 0, 1)
+    jacobian[9:] = np.cross(spin, downstream[:, None, :]).transpose(2, 0, 1)
+    residual = np.concatenate(((end - np.eye(3)).ravel(), tangent.mean(axis=0)))
+    return residual, jacobian.transpose(0, 2, 1).reshape(12, 2 * n)
+
+
+def close(folding: Folding, sigma: int, *, tolerance: float = 1e-13, steps: int = 30) -> Folding:
+    """Restore closure by Gauss-Newton steps of least change in (theta, eta).
+
+    Raises ClosureError if the residual does not fall to `tolerance`.
+    """
+    current = folding
+    n = folding.theta.size
+    best = np.inf
+    for _ in range(steps):
+        residual, jacobian = _closure_derivative(current, sigma)
+        size = float(np.abs(residual).max())
+        if size <= tolerance or (size < 1e-11 and size >= 0.5 * best):
+            return current
+        best = min(best, size)
+        # A change of theta per node scales with h, a change of eta does not: measure both per length.
+        scale = np.concatenate((np.full(n, 1.0 / n), np.full(n, ETA_W)))
+        step = scale * np.linalg.lstsq(jacobian * scale, -residual, rcond=1e-9)[0]
+        limit = min(1.0, 0.3 / max(float(np.abs(step[:n]).max()), float(np.abs(step[n:]).max()), 1e-300))
+        current = Folding(current.theta + limit * step[:n], current.eta + limit * step[n:])
+    raise ClosureError(f"the strip does not close: residual {best:.1e} after {steps} steps")
+
+
+def xi_from_rulings(band: Band, u: Array, g: Array) -> Array:
+    """The xi (N,) that satisfies (b/h) u_i.(g_{i+1} - g_i) = tanh xi_i.
+
+    Raises ClosureError where rulings meet inside the strip, |b eta'| >= 1.
+    """
+    following = np.roll(g, -1, axis=0)
+    following[-1] *= band.sigma
+    t = (band.half_width / band.h) * np.einsum("ij,ij->i", u, following - g)
+    worst = int(np.argmax(np.abs(t)))
+    if abs(t[worst]) >= XI_LIMIT:
+        raise ClosureError(f"rulings meet inside the strip at facet {worst + 1}: b |eta'| = {abs(t[worst]):.4g}")
+    xi: Array = np.arctanh(t)
+    return xi
+
+
+def to_state(band: Band, folding: Folding, first: Array | None = None) -> State:
+    """Fold the strip up; the folding must close (see `close`). `first` (3,3) is facet 1's frame.
+
+    Raises ClosureError where rulings meet inside the strip.
+    """
+    f = frames(folding, np.eye(3) if first is None else first)
+    u = np.ascontiguousarray(f[:, :, 0])
+    g = folding.eta[:, None] * u + f[:, :, 2]
+    return State(band, u, g, xi_from_rulings(band, u, g))
+
+

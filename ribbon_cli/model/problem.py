@@ -1,0 +1,264 @@
+"""The discrete optimisation problem (2.19): energy, constraints and derivatives in the 7N unknowns.
+
+A `Problem` may have prescribed rulings (the auxiliary problems of the recipes). Prescribed
+components stay in the vector x but do not move: their columns vanish from every derivative.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from .band import Array, Band, State
+from .constraints import (
+    PER_NODE,
+    add_constraint_hessian,
+    constraint_jacobian,
+    constraint_values,
+    row_weights,
+)
+from .energy import energy_derivatives, energy_terms
+from .sparsity import Scatter
+from .stencil import G1, SIZE, U0, G, Stencil, U, X, X0, stencil
+
+CLOSURE = 3
+
+
+def _hessian_structure() -> NDArray[np.bool_]:
+    """Structural nonzeros (14,14) of a node's Lagrangian Hessian, the triple product included."""
+    full = np.zeros((SIZE, SIZE), dtype=bool)
+    for a, b in ((U, U), (U0, U0), (G, G)):
+        full[a, b] = True
+    for a, b in ((U, U0), (U, G), (U0, G), (U, G1), (G, G1)):
+        full[a, b] = full[b, a] = True
+    for x in (X0, X):
+        for block in (U, U0, G):
+            full[block, x] = full[x, block] = True
+        full[x, X0] = full[x, X] = True
+    return full
+
+
+_STRUCTURE = _hessian_structure()
+HESSIAN_ENTRIES = np.flatnonzero(_STRUCTURE)
+_LOCAL_ROWS, _LOCAL_COLUMNS = np.nonzero(_STRUCTURE)
+JACOBIAN_SHAPE = (PER_NODE, SIZE)
+
+
+@dataclass(frozen=True)
+class Prescription:
+    """Rulings held fixed in an auxiliary problem, all of unit length.
+
+    `rulings` maps node (0-based) to its vector (3,). `seam` is g_{N+1} (3,) where the seam is open,
+    else None. With unit length, |g|^2 = (g.u)^2 + 1 says g.u = 0 but with zero gradient there, so
+    that row is replaced by g.u = 0. With an open seam facets N and 1 share no ruling: the fold
+    condition of node 1 is replaced by g_{N+1}.u_N = 0.
+    Raises ValueError if a ruling is not a unit vector.
+    """
+
+    rulings: Mapping[int, Array] = field(default_factory=dict)
+    seam: Array | None = None
+
+    def __post_init__(self) -> None:
+        vectors = [*self.rulings.values(), *([] if self.seam is None else [self.seam])]
+        for vector in vectors:
+            if abs(float(np.linalg.norm(vector)) - 1.0) > 1e-12:
+                raise ValueError("prescribed rulings must be unit vectors")
+
+
+FREE = Prescription()
+
+
+@dataclass(frozen=True)
+class LocalDerivatives:
+    """Per-node derivatives with seam signs applied, ready to be scattered.
+
+    `gradient` (7N,) of Q_h; `constraints` (5N+3,) and `jacobian` (N,5,14) weighted by (2.47);
+    `hessian` (N,14,14) of the Lagrangian.
+    """
+
+    energy: float
+    gradient: Array
+    constraints: Array
+    jacobian: Array
+    hessian: Array
+
+
+class Problem:
+    """Energy and constraints of one band, Koldaev (2022), (2.19), on vectors x (7N,).
+
+    Constraint values are returned weighted by (2.47) in `weighted_constraints` (so that multipliers
+    are those of (1.58)) and as written in (2.19) in `constraints`.
+    """
+
+    def __init__(self, band: Band, prescription: Prescription = FREE) -> None:
+        self.band = band
+        self.prescription = prescription
+        self.stencil: Stencil = stencil(band, open_seam=prescription.seam is not None)
+        self.size = 7 * band.segments
+        self.rows = PER_NODE * band.segments + CLOSURE
+        self._end = np.zeros(3) if prescription.seam is None else np.asarray(prescription.seam, dtype=float)
+        self.fixed = np.zeros(self.size, dtype=bool)
+        for node in prescription.rulings:
+            self.fixed[7 * node + 3 : 7 * node + 6] = True
+        self._has_fixed = bool(self.fixed.any())
+        weights = np.tile(row_weights(band), band.segments)
+        self.weights = np.concatenate((weights, np.full(CLOSURE, band.h)))
+
+    def impose(self, x: Array) -> Array:
+        """Return x with the prescribed rulings written into it."""
+        out = x.copy()
+        for node, vector in self.prescription.rulings.items():
+            out[7 * node + 3 : 7 * node + 6] = vector
+        return out
+
+    def state(self, x: Array) -> State:
+        """Return x as a state of this problem's band."""
+        return State.from_vector(self.band, x)
+
+    def end_ruling(self, x: Array) -> Array:
+        """g_{N+1} (3,): sigma g_1 where the seam is closed, the prescribed one where it is open."""
+        return self.band.sigma * x[3:6] if self.prescription.seam is None else self._end.copy()
+
+    def next_rulings(self, x: Array) -> Array:
+        """g_{i+1} (N,3) at each facet's far node."""
+        g = x.reshape(-1, 7)[:, 3:6]
+        return np.vstack((g[1:], self.end_ruling(x)))
+
+    def _local(self, x: Array) -> Array:
+        return self.stencil.gather(np.concatenate((x, self._end)))
+
+    def energy(self, x: Array) -> float:
+        """Q_h, not divided by pi b."""
+        return float(energy_terms(self.band, self._local(x)).sum())
+
+    def constraints(self, x: Array) -> Array:
+        """Constraint values (5N+3,) as written in (2.19), node by node, sum u last."""
+        local = self._local(x)
+        values = constraint_values(self.band, local)
+        for node in self.prescription.rulings:
+            values[node, 1] = local[node, G] @ local[node, U]
+        if self.prescription.seam is not None:
+            values[0, 2] = self._end @ local[0, U0]
+        return np.concatenate((values.ravel(), x.reshape(-1, 7)[:, :3].sum(axis=0)))
+
+    def weighted_constraints(self, x: Array) -> Array:
+        """Constraint values (5N+3,) weighted by (2.47)."""
+        return self.constraints(x) * self.weights
+
+    def local_derivatives(self, x: Array, multipliers: Array) -> LocalDerivatives:
+        """All derivatives at x for multipliers (5N+3,), node by node."""
+        band = self.band
+        local = self._local(x)
+        terms, gradient, hessian = energy_derivatives(band, local)
+        assert hessian is not None
+        jacobian = constraint_jacobian(band, local)
+        weights = row_weights(band)
+        lam = multipliers[:-CLOSURE].reshape(-1, PER_NODE)
+        curvature = -lam * weights
+        for node in self.prescription.rulings:
+            self._replace_unit_length_row(node, local, jacobian, hessian, lam[node, 1] * weights[1])
+            curvature[node, 1] = 0.0
+        if self.prescription.seam is not None:
+            jacobian[0, 2] = 0.0
+            jacobian[0, 2, U0] = self._end
+            curvature[0, 2] = 0.0
+        add_constraint_hessian(band, local, curvature, hessian)
+        jacobian *= weights[None, :, None]
+        sign = self.stencil.sign
+        jacobian *= sign[:, None, :]
+        hessian *= sign[:, :, None] * sign[:, None, :]
+        if self._has_fixed or self.prescription.seam is not None:
+            still = np.concatenate((self.fixed, np.ones(3, dtype=bool)))[self.stencil.index]
+            jacobian *= ~still[:, None, :]
+            hessian *= ~still[:, :, None] & ~still[:, None, :]
+            gradient *= ~still
+        total = np.bincount(
+            self.stencil.index.ravel(), weights=(gradient * sign).ravel(), minlength=self.size + 3
+        )[: self.size]
+        return LocalDerivatives(float(terms.sum()), total, self.weighted_constraints(x), jacobian, hessian)
+
+    @staticmethod
+    def _replace_unit_length_row(
+        node: int, local: Array, jacobian: Array, hessian: Array, multiplier: float
+    ) -> None:
+        """Put g.u = 0 in place of |g|^2 = (g.u)^2 + 1 at a prescribed node; (2.19), second."""
+        jacobian[node, 1] = 0.0
+        jacobian[node, 1, U] = local[node, G]
+        jacobian[node, 1, G] = local[node, U]
+        eye = np.eye(3)
+        hessian[node, U, G] -= multiplier * eye
+        hessian[node, G, U] -= multiplier * eye
+
+    @cached_property
+    def _jacobian_scatter(self) -> Scatter:
+        n = self.band.segments
+        rows = np.repeat(np.arange(PER_NODE * n).reshape(n, PER_NODE, 1), SIZE, axis=2)
+        columns = np.repeat(self.stencil.index[:, None, :], PER_NODE, axis=1)
+        closing_rows = PER_NODE * n + np.tile(np.arange(CLOSURE), n)
+        closing_columns = (7 * np.arange(n)[:, None] + np.arange(3)).ravel()
+        return Scatter.build(
+            np.concatenate((rows.ravel(), closing_rows)),
+            np.concatenate((columns.ravel(), closing_columns)),
+            (self.rows, self.size + 3),
+        )
+
+    @cached_property
+    def _hessian_scatter(self) -> Scatter:
+        index = self.stencil.index
+        return Scatter.build(
+            index[:, _LOCAL_ROWS].ravel(), index[:, _LOCAL_COLUMNS].ravel(), (self.size + 3, self.size + 3)
+        )
+
+    def jacobian(self, x: Array) -> sparse.csc_matrix:
+        """Weighted constraint Jacobian (5N+3, 7N), sparse."""
+        return self.jacobian_matrix(self.local_derivatives(x, np.zeros(self.rows)))
+
+    def jacobian_matrix(self, local: LocalDerivatives) -> sparse.csc_matrix:
+        """Assemble the weighted Jacobian (5N+3, 7N) from local derivatives."""
+        closing = np.full(CLOSURE * self.band.segments, self.band.h)
+        values = np.concatenate((local.jacobian.ravel(), closing))
+        return self._jacobian_scatter.matrix(values)[:, : self.size]
+
+    def hessian(self, x: Array, multipliers: Array) -> sparse.csc_matrix:
+        """Hessian (7N, 7N) of the Lagrangian, (2.55), sparse and symmetric."""
+        return self.hessian_matrix(self.local_derivatives(x, multipliers))
+
+    def hessian_matrix(self, local: LocalDerivatives) -> sparse.csc_matrix:
+        """Assemble the Lagrangian's Hessian (7N, 7N) from local derivatives."""
+        values = local.hessian.reshape(-1, SIZE * SIZE)[:, HESSIAN_ENTRIES].ravel()
+        return self._hessian_scatter.matrix(values)[: self.size, : self.size]
+
+    def gradient(self, x: Array) -> Array:
+        """Gradient (7N,) of Q_h; zero at prescribed components."""
+        return self.local_derivatives(x, np.zeros(self.rows)).gradient
+
+    def rotations(self, x: Array) -> Array:
+        """Tangents (7N, r) of the rigid rotations that keep all prescribed rulings, r <= 3.
+
+        Columns are orthonormal in the Euclidean metric.
+        """
+        held = [*self.prescription.rulings.values()]
+        if self.prescription.seam is not None:
+            held.append(self._end)
+        axes = np.eye(3)
+        if held:
+            stacked = np.vstack([-_cross(v) for v in held])
+            singular, rows = np.linalg.svd(stacked)[1:]
+            axes = rows[singular < 1e-9].T
+        y = x.reshape(-1, 7)
+        out = np.zeros((self.band.segments, 7, axes.shape[1]))
+        for k in range(axes.shape[1]):
+            out[:, :3, k] = np.cross(axes[:, k], y[:, :3])
+            out[:, 3:6, k] = np.cross(axes[:, k], y[:, 3:6])
+        flat = out.reshape(self.size, -1)
+        flat[self.fixed] = 0.0
+        return np.linalg.qr(flat)[0] if flat.shape[1] else flat
+
+
+def _cross(v: Array) -> Array:
+    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])

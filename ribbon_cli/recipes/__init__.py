@@ -1,0 +1,1 @@
+"""Initial guesses, one file each."""

@@ -1,0 +1,1 @@
+"""Tables, plots and exports. Reads states, never solves."""

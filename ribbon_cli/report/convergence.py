@@ -1,0 +1,337 @@
+"""Convergence of the energy under refinement (Koldaev (2022), section 3.6), and an honest extrapolation.
+
+Pure functions over numbers: they read no file but the reference table shipped beside this module, and import
+only the standard library.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+ORDER = 2
+"""Theoretical order of the discrete energy, E_N = E + c2 h^2 + c4 h^4 + ... (Koldaev (2022), section 2.2)."""
+
+ORDER_TOLERANCE = 0.25
+"""Largest |observed order - 2| that counts as settled.
+
+With E_N = E + c2 h^2 + c4 h^4 and x = c4 h^2 / c2 at the finest level, the ratio of the last two differences
+is 4 (1 + 20 x)/(1 + 5 x), and Richardson's correction is wrong by the fraction 4 x/(1 + 5 x). An order of
+2 +- 0.25 means x = 0.013 or -0.010, hence a correction that is right to 5 %.
+"""
+
+LAYER_RESOLUTION = 0.04
+"""Largest h/b at which the boundary layers of width b beside an inflection are resolved.
+
+The energies of the pi band at b = 0.1 are not of second order before N is about 1600 (h/b = 0.039): they rise
+to N = 400 and fall afterwards.
+"""
+
+FALL = 2.0**ORDER
+"""Ratio of successive differences once the order has settled."""
+
+SOLVER_FLOOR = 1e-11
+"""Relative size below which a difference of energies is the solver's tolerance and not the grid's doing."""
+
+SAME_WIDTH = 1e-9
+"""Relative difference up to which two half-widths are the same."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """Energy Q_h of one state: `half_width` b, `segments` N, `energy` (None or not finite: unknown)."""
+
+    half_width: float
+    segments: int
+    energy: float | None
+    certified: bool
+    label: int | str | None = None
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of the table; what cannot be computed from the energies at hand is None.
+
+    `delta` = |E_N - E_2N| (3.11), `ratio` = Delta_N / Delta_2N, `order` = log2(ratio) unless the two
+    differences have opposite signs: then there is none, and `note` says so. `certified` speaks of E_N alone;
+    `note` names every energy behind `delta` that has no certificate.
+    """
+
+    half_width: float
+    segments: int
+    energy: float | None
+    delta: float | None
+    ratio: float | None
+    order: float | None
+    certified: bool
+    label: int | str | None
+    note: str
+
+
+@dataclass(frozen=True)
+class Extrapolation:
+    """What the energies of one half-width say about N -> infinity.
+
+    `energy` +- `error`: Richardson's value if `settled`, else the finest certified energy with a bar that
+    allows for what refinement may still do; None where nothing can be said. `order` is the order observed in
+    the three finest energies (None: too few of them, or differences that show none), `segments` the finest N
+    used, `reason` why the order is taken as settled or not.
+    """
+
+    half_width: float
+    segments: int | None
+    energy: float | None
+    error: float | None
+    order: float | None
+    settled: bool
+    reason: str
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows by half-width in the order of first appearance, N ascending, and an extrapolation for each."""
+
+    rows: tuple[Row, ...]
+    extrapolations: tuple[Extrapolation, ...]
+    length: float
+
+
+def convergence_rows(entries: Iterable[Entry], length: float = 2 * math.pi) -> Table:
+    """The convergence table of `entries`, bands of midline length `length`.
+
+    Raises ValueError if a half-width has two entries of one N: the choice between states is the caller's.
+    """
+    rows: list[Row] = []
+    extrapolations = []
+    for half_width, group in _groups(entries):
+        rows.extend(_row(half_width, n, group) for n in sorted(group))
+        extrapolations.append(_extrapolate(half_width, group, length))
+    return Table(tuple(rows), tuple(extrapolations), length)
+
+
+def _groups(entries: Iterable[Entry]) -> list[tuple[float, dict[int, Entry]]]:
+    groups: list[tuple[float, dict[int, Entry]]] = []
+    for entry in entries:
+        known = (group for b, group in groups if math.isclose(b, entry.half_width, rel_tol=SAME_WIDTH))
+        group = next(known, None)
+        if group is None:
+            group = {}
+            groups.append((entry.half_width, group))
+        if entry.segments in group:
+            raise ValueError(f"two entries for b = {entry.half_width:g}, N = {entry.segments}")
+        group[entry.segments] = entry
+    return groups
+
+
+def _energy(group: Mapping[int, Entry], segments: int) -> float | None:
+    entry = group.get(segments)
+    if entry is None or entry.energy is None or not math.isfinite(entry.energy):
+        return None
+    return entry.energy
+
+
+def _change(group: Mapping[int, Entry], segments: int) -> float | None:
+    """E_2N - E_N with its sign, or None."""
+    coarse, fine = _energy(group, segments), _energy(group, 2 * segments)
+    return None if coarse is None or fine is None else fine - coarse
+
+
+def _row(half_width: float, segments: int, group: Mapping[int, Entry]) -> Row:
+    here, there = _change(group, segments), _change(group, 2 * segments)
+    ratio = abs(here / there) if here is not None and there else None
+    turns = here is not None and there is not None and here * there < 0
+    used = (segments,) if here is None else (segments, 2 * segments)
+    notes = [f"no certificate: E_{n}" for n in used if not group[n].certified]
+    if turns:
+        notes.append("the difference changes sign: no order")
+    return Row(
+        half_width=half_width,
+        segments=segments,
+        energy=_energy(group, segments),
+        delta=None if here is None else abs(here),
+        ratio=ratio,
+        order=math.log2(ratio) if ratio and not turns else None,
+        certified=group[segments].certified,
+        label=group[segments].label,
+        note="; ".join(notes),
+    )
+
+
+def _extrapolate(half_width: float, group: Mapping[int, Entry], length: float) -> Extrapolation:
+    """Extrapolate from the certified energies at N, N/2, N/4, N being the finest certified."""
+    certified = {n: energy for n in group if group[n].certified and (energy := _energy(group, n)) is not None}
+    if not certified:
+        return Extrapolation(half_width, None, None, None, None, False, "no energy has a certificate")
+    finest = max(certified)
+    chain = [finest]
+    while chain[0] % 2 == 0 and chain[0] // 2 in certified:
+        chain.insert(0, chain[0] // 2)
+    energies = [certified[n] for n in chain]
+    skipped = sorted(n for n in group if n > finest)
+    aside = "" if not skipped else f"; without N = {', '.join(map(str, skipped))}, which has no certificate"
+    if len(chain) < 3:
+        reason = f"an order needs certified energies at N = {finest}/4, {finest}/2 and {finest}" + aside
+        return Extrapolation(half_width, finest, energies[-1], None, None, False, reason)
+    error, order, unsettled = _judge(energies, length / finest / half_width)
+    if unsettled:
+        return Extrapolation(half_width, finest, energies[-1], error, order, False, unsettled + aside)
+    correction = 0.0 if order is None else (energies[-1] - energies[-2]) / (FALL - 1)
+    reason = (
+        "the last differences are below the solver's tolerance"
+        if order is None
+        else f"the order is {order:.2f}: Richardson with order 2"
+    )
+    return Extrapolation(half_width, finest, energies[-1] + correction, error, order, True, reason + aside)
+
+
+def _judge(energies: Sequence[float], mesh: float) -> tuple[float | None, float | None, str]:
+    """(error bar, observed order, why the order has not settled) of three or more energies, N doubling.
+
+    `mesh` is h/b on the finest level. The reason is empty if the order has settled; then the order is None
+    where the differences are too small to show one.
+    """
+    changes = [fine - coarse for coarse, fine in itertools.pairwise(energies)]
+    previous, last = changes[-2:]
+    floor = SOLVER_FLOOR * abs(energies[-1])
+    if max(abs(previous), abs(last)) <= floor:
+        return floor, None, ""
+    order = math.log2(previous / last) if previous * last > 0 else None
+    octaves = max(0, math.ceil(math.log2(mesh / LAYER_RESOLUTION)))
+    doubts = []
+    if len({change > 0 for change in changes[-3:]}) > 1:
+        doubts.append("the differences E_2N - E_N change sign")
+    if octaves:
+        doubts.append(f"h/b = {mesh:.3g} exceeds {LAYER_RESOLUTION:g}, layers of width b are not resolved")
+    if order is not None and abs(order - ORDER) > ORDER_TOLERANCE:
+        doubts.append(f"the observed order {order:.2f} is not {ORDER} to within {ORDER_TOLERANCE:g}")
+    if doubts or order is None:
+        return (
+            _unsettled_error(previous, last, octaves),
+            order,
+            "; ".join(doubts) or "the last difference is 0",
+        )
+    # Richardson's value one level earlier is wrong by 16 times as much if the next term is of order 4;
+    # the factor 1/3 instead of 1/15 covers a remainder that falls at order 2 only.
+    step = last + (last - previous) / (FALL - 1)
+    return max(abs(step) / (FALL - 1), floor), order, ""
+
+
+def _unsettled_error(previous: float, last: float, octaves: int) -> float | None:
+    """A bar about the finest energy while the order has not settled.
+
+    A last difference below a quarter of the one before is taken for a cancellation, not for progress. Of the
+    size that remains, one difference is allowed for each octave until h/b is small enough for a rate to hold,
+    and one for everything after it: the sum of a tail that falls at first order, or at the rate observed
+    where that is slower. On a resolved grid, energies that go to and fro are uncertain by the larger of
+    their last two differences, and differences of one sign that do not fall bound nothing: None.
+    """
+    size = max(abs(last), abs(previous) / FALL)
+    if octaves:
+        return size * (octaves + 1)
+    if previous * last <= 0:
+        return max(abs(last), abs(previous))
+    if abs(previous) <= abs(last):
+        return None
+    return size * max(1.0, 1.0 / (abs(previous) / size - 1.0))
+
+
+@dataclass(frozen=True)
+class ReferenceDelta:
+    """Delta_N of a published table; `delta` is the number as printed, whose digits say how exact it is."""
+
+    half_width: float
+    segments: int
+    delta: str
+
+
+@dataclass(frozen=True)
+class ComparisonRow:
+    """Our Delta_N beside a published one.
+
+    `relative_difference` is (ours - published)/published; `agrees`: both are the same number at the published
+    number of digits. Both are None where we have no difference. `footnote` is empty or an explanation.
+    """
+
+    half_width: float
+    segments: int
+    delta: float | None
+    thesis: str
+    relative_difference: float | None
+    agrees: bool | None
+    footnote: str
+
+
+def thesis_table() -> tuple[ReferenceDelta, ...]:
+    """Table 3.1 of Koldaev (2022) as printed, from the data file shipped with the package."""
+    from importlib import resources  # only `convergence-table` needs it, and its import is slow
+
+    text = resources.files("ribbon_cli.report").joinpath("data/table-3.1.csv").read_text(encoding="utf-8")
+    lines = [line.split(",") for line in text.splitlines() if line and not line.startswith("#")]
+    return tuple(ReferenceDelta(float(b), int(n), delta) for b, n, delta in lines[1:])
+
+
+def compare_with_thesis(
+    table: Table, reference: Sequence[ReferenceDelta], second_minimum: Entry | None = None
+) -> tuple[ComparisonRow, ...]:
+    """Each number of `reference` beside ours, in the order of `reference`.
+
+    `second_minimum` is a state of another discrete minimum than the table's, at one of its (b, N). Where the
+    published number is not ours, |E'_N - E_2N| from it is shown in a footnote, with whether that is the
+    published number.
+    """
+    return tuple(_compare(table, published, second_minimum) for published in reference)
+
+
+def _compare(table: Table, published: ReferenceDelta, second: Entry | None) -> ComparisonRow:
+    b, n, printed = published.half_width, published.segments, float(published.delta)
+    row, finer = _find(table, b, n), _find(table, b, 2 * n)
+    delta = None if row is None else row.delta
+    agrees = None if delta is None else agrees_as_printed(delta, published.delta)
+    footnote = ""
+    if second is not None and second.energy is not None and not agrees and is_at(second, b, n):
+        footnote = _second_minimum_note(second, second.energy, row, finer, published.delta)
+    return ComparisonRow(
+        half_width=b,
+        segments=n,
+        delta=delta,
+        thesis=published.delta,
+        relative_difference=None if delta is None else (delta - printed) / printed,
+        agrees=agrees,
+        footnote=footnote,
+    )
+
+
+def _second_minimum_note(
+    second: Entry, energy: float, row: Row | None, finer: Row | None, printed: str
+) -> str:
+    """What |E'_N - E_2N| from another minimum's `energy` says about the number `printed`."""
+    n = second.segments
+    if finer is None or finer.energy is None:
+        return f"another discrete minimum has E'_{n} = {energy:.9f}, but E_{2 * n} is not known"
+    other = abs(energy - finer.energy)
+    verdict = "the printed number" if agrees_as_printed(other, printed) else "not the printed number either"
+    minimum = "minimum" if second.certified else "state (without certificate)"
+    branch = (
+        "" if row is None or row.energy is None else f"; the continued branch has E_{n} = {row.energy:.9f}"
+    )
+    return (
+        f"another discrete {minimum} has E'_{n} = {energy:.9f}, "
+        f"and |E'_{n} - E_{2 * n}| = {other:.6g} is {verdict}{branch}"
+    )
+
+
+def is_at(place: Entry | Row | ComparisonRow, half_width: float, segments: int) -> bool:
+    """Whether `place` speaks of this half-width (to a relative 1e-9) and this N."""
+    return place.segments == segments and math.isclose(place.half_width, half_width, rel_tol=SAME_WIDTH)
+
+
+def _find(table: Table, half_width: float, segments: int) -> Row | None:
+    return next((row for row in table.rows if is_at(row, half_width, segments)), None)
+
+
+def agrees_as_printed(value: float, printed: str) -> bool:
+    """Whether `value`, rounded to as many significant digits as `printed` shows, is that number."""
+    mantissa = printed.lower().partition("e")[0].lstrip("+-").replace(".", "").lstrip("0")
+    return float(f"{value:.{max(len(mantissa), 1) - 1}e}") == float(printed)

@@ -1,0 +1,1 @@
+"""KKT linear algebra and inertia, saddle-free Newton, prolongation, continuation, spectra."""

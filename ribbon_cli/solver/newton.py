@@ -1,0 +1,332 @@
+"""Constrained saddle-free Newton with local tracking, Koldaev (2022), section 2.3.2.
+
+One loop: derivatives, factorisation, direction, a step no longer than a band can follow, acceptance.
+A stationary point that is no minimum is left along its lowest eigenvector. Nothing is raised: the
+outcome is a `Result`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..model.band import Array, State
+from ..model.constraints import PER_NODE
+from ..model.problem import CLOSURE, LocalDerivatives, Problem
+from .inertia import inertia
+from .kkt import KKTMatrix
+from .linear import Factor, FactorisationError
+from .saddle_free import Direction, direction
+from .status import Result, SaddleMet, Status
+
+Guard = Callable[[State], str | None]
+Watch = Callable[[int, float, float], None]
+
+
+@dataclass(frozen=True)
+class Options:
+    """Tolerances and limits of one solve.
+
+    `tolerance` bounds both residuals. `step_limit` bounds the change of tangents, of rulings relative
+    to their length and of xi/4 in one step: branches are tracked locally, since longer steps jump to
+    other topologies. `leave_saddles` is how many stationary points of positive index may be left.
+    `guard` returns a sentence where a state must not be accepted (it changed its linking number).
+    """
+
+    tolerance: float = 1e-10
+    max_steps: int = 400
+    step_limit: float = 0.25
+    leave_saddles: int = 6
+    guard: Guard | None = None
+    watch: Watch | None = None
+
+
+SHORTEST = 2.0**-14
+GUARD_FROM = 1e-3
+"""Steps that change nothing by more than this cannot carry a band through itself unseen: the next
+longer one is checked, and so is the end."""
+ARMIJO = 1e-4
+MOST_CORRECTIONS = 4
+
+
+@dataclass(frozen=True)
+class _Point:
+    x: Array
+    multipliers: Array
+    local: LocalDerivatives
+    kkt: float
+    constraint: float
+
+    @property
+    def worst(self) -> float:
+        return max(self.kkt, self.constraint)
+
+
+def lagrangian_gradient(problem: Problem, local: LocalDerivatives, multipliers: Array) -> Array:
+    """Gradient (7N,) of the Lagrangian (2.53) in x, by gathering local Jacobians."""
+    n = problem.band.segments
+    lam = multipliers[:-CLOSURE].reshape(n, PER_NODE)
+    pulled = np.einsum("ikj,ik->ij", local.jacobian, lam)
+    total = np.bincount(
+        problem.stencil.index.ravel(), weights=pulled.ravel(), minlength=problem.size + 3
+    )[: problem.size]
+    out = local.gradient - total
+    out.reshape(n, 7)[:, :3] -= problem.band.h * multipliers[-CLOSURE:]
+    return out
+
+
+def _point(problem: Problem, x: Array, multipliers: Array) -> _Point:
+    local = problem.local_derivatives(x, multipliers)
+    kkt = float(np.abs(lagrangian_gradient(problem, local, multipliers)).max())
+    constraint = float(np.abs(local.constraints / problem.weights).max())
+    return _Point(x, multipliers, local, kkt, constraint)
+
+
+def estimate_multipliers(problem: Problem, x: Array) -> Array:
+    """Least-squares multipliers (5N+3,) at x: they minimise |grad f - A^T lambda| in the scaled metric.
+
+    Raises FactorisationError if the constraints are linearly dependent at x.
+    """
+    local = problem.local_derivatives(x, np.zeros(problem.rows))
+    identity = LocalDerivatives(
+        local.energy, local.gradient, local.constraints, local.jacobian, np.zeros_like(local.hessian)
+    )
+    matrix = KKTMatrix(problem, identity, np.zeros((problem.size, 0)))
+    # The scaled metric: identity on the scaled unknowns, which is diag(1/s^2) on x.
+    factor = Factor(matrix.with_unit_metric())
+    z = factor.solve(np.concatenate((-local.gradient, np.zeros(problem.rows))))
+    return -z[problem.size :]
+
+
+def inverted_facets(problem: Problem, x: Array) -> Array:
+    """(u_i x g_i).(u_i x g_{i+1}) (N,): positive where a facet keeps its side."""
+    y = x.reshape(-1, 7)
+    u, g = y[:, :3], y[:, 3:6]
+    out: Array = np.einsum("ij,ij->i", np.cross(u, g), np.cross(u, problem.next_rulings(x)))
+    return out
+
+
+def change(problem: Problem, x: Array, step: Array) -> float:
+    """Size of a step: the largest change of a tangent, of a ruling over its length, or of xi/4."""
+    s, y = step.reshape(-1, 7), x.reshape(-1, 7)
+    rulings = np.linalg.norm(s[:, 3:6], axis=1) / np.linalg.norm(y[:, 3:6], axis=1)
+    tangents = np.linalg.norm(s[:, :3], axis=1)
+    return float(max(tangents.max(), rulings.max(), 0.25 * np.abs(s[:, 6]).max()))
+
+
+class _Search:
+    """Step acceptance by the exact penalty f + sum nu_k |c_k| with second-order correction."""
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
+        self.penalty = np.zeros(problem.rows)
+        self._normal: tuple[Factor, Factor] | None = None
+
+    def merit(self, energy: float, constraints: Array) -> float:
+        return energy + float(self.penalty @ np.abs(constraints))
+
+    def raise_penalty(self, multipliers: Array) -> None:
+        """Keep nu_k above the multipliers, which makes the penalty exact (Nocedal & Wright, 18.3)."""
+        size = np.abs(multipliers)
+        self.penalty = np.where(self.penalty < 1.1 * size, 1.5 * size, np.maximum(self.penalty * 0.9, 1.1 * size))
+
+    def correct(self, factor: Factor, x: Array) -> Array:
+        """Second-order correction: the least move that removes the constraint values at x.
+
+        It is least in the scaled metric, not in that of the Hessian: near-zero eigenvalues (sliding) would
+        turn it into a long tangential step.
+        """
+        problem = self.problem
+        if self._normal is None or self._normal[0] is not factor:
+            self._normal = (factor, Factor(factor.matrix.with_unit_metric()))
+        rhs = np.zeros(factor.matrix.size + factor.matrix.border)
+        rhs[problem.size : problem.size + problem.rows] = -problem.weighted_constraints(x)
+        return self._normal[1].solve(rhs)[: problem.size]
+
+
+def solve(problem: Problem, x: Array, multipliers: Array | None = None, options: Options | None = None) -> Result:
+    """Find a minimum of (2.19) near x (7N,), tracking locally; multipliers (5N+3,) are estimated if absent."""
+    return _Solve(problem, options or Options()).run(problem.impose(x), multipliers)
+
+
+class _Solve:
+    def __init__(self, problem: Problem, options: Options) -> None:
+        self.problem = problem
+        self.options = options
+        self.search = _Search(problem)
+        self.steps = 0
+        self.saddles: list[SaddleMet] = []
+        self.surplus_seen = 0
+        self.trouble = (Status.STALLED, "")
+
+    def run(self, x: Array, multipliers: Array | None) -> Result:
+        try:
+            if multipliers is None:
+                multipliers = estimate_multipliers(self.problem, x)
+            point = _point(self.problem, x, multipliers)
+            if not np.isfinite(point.worst):
+                return self._result(Status.NOT_FINITE, point)
+            if (inverted_facets(self.problem, x) <= 0).any():
+                return self._result(Status.INVERTED_FACET, point, detail="It was so at the start.")
+            return self._iterate(point)
+        except FactorisationError as error:
+            start = _point(self.problem, x, np.zeros(self.problem.rows))
+            status = Status.STALLED if np.isfinite(start.worst) else Status.NOT_FINITE
+            return self._result(status, start, detail=f"({error}.)")
+
+    def _iterate(self, point: _Point) -> Result:
+        while True:
+            factor = self._factor(point)
+            found = direction(self.problem, point.local, factor)
+            self.surplus_seen = max(self.surplus_seen, found.index)
+            if self.options.watch is not None:
+                self.options.watch(self.steps, point.local.energy, point.worst)
+            if point.worst <= self.options.tolerance:
+                count = inertia(factor.matrix)
+                if not count.trusted:
+                    return self._result(Status.UNDECIDED, point, detail=f"(Pivot gap {count.gap:.1e}.)")
+                if count.negative == 0:
+                    return self._result(Status.MINIMUM, point, negative=0)
+                if found.index == 0:
+                    found = direction(self.problem, point.local, factor, count.negative)
+                self._record_saddle(point, found)
+                if len(self.saddles) > self.options.leave_saddles:
+                    return self._result(Status.SADDLE, point, negative=found.index)
+                following = self._leave(point, factor, found)
+            elif self.steps >= self.options.max_steps:
+                return self._result(Status.ITERATION_LIMIT, point)
+            else:
+                following = self._advance(point, factor, found)
+            self.steps += 1
+            if following is None:
+                return self._stopped(point, found)
+            point = following
+
+    def _factor(self, point: _Point) -> Factor:
+        return Factor(KKTMatrix(self.problem, point.local, self.problem.rotations(point.x)))
+
+    def _advance(self, point: _Point, factor: Factor, found: Direction) -> _Point | None:
+        """One accepted step, or None."""
+        self.trouble = (Status.STALLED, "")
+        self.search.raise_penalty(found.multipliers)
+        size = change(self.problem, point.x, found.step)
+        if not np.isfinite(size):
+            self.trouble = (Status.NOT_FINITE, "")
+            return None
+        t = min(1.0, self.options.step_limit / max(size, 1e-300))
+        while t >= SHORTEST:
+            trial = self._trial(point, factor, found, t)
+            if trial is not None:
+                return trial
+            t *= 0.5
+        return None
+
+    def _trial(self, point: _Point, factor: Factor, found: Direction, t: float) -> _Point | None:
+        """The point at step t, drawn back to the constraints as often as it helps; None if not accepted.
+
+        Valleys of sliding are curved: without several second-order corrections what remains of the
+        constraints, times large multipliers, hides a fall of energy and only crawling steps pass.
+        """
+        x = point.x + t * found.step
+        multipliers = point.multipliers + t * (found.multipliers - point.multipliers)
+        violation = np.inf
+        for corrections in range(MOST_CORRECTIONS + 1):
+            if corrections:
+                extra = self.search.correct(factor, x)
+                if not change(self.problem, x, extra) <= self.options.step_limit:
+                    return None
+                x = x + extra
+            with np.errstate(over="ignore", invalid="ignore"):
+                trial = _point(self.problem, x, multipliers)
+            if not np.isfinite(trial.worst):
+                self.trouble = (Status.NOT_FINITE, "")
+                return None
+            if self._decreases(point, trial, found, t):
+                return trial if self._allowed(point, trial) else None
+            before, violation = violation, self.search.merit(0.0, trial.local.constraints)
+            if violation > 0.25 * before:
+                return None
+        return None
+
+    def _decreases(self, point: _Point, trial: _Point, found: Direction, t: float) -> bool:
+        """Sufficient decrease of the merit; near a minimum, of the residual instead.
+
+        Close to a solution the merit's differences drown in roundoff, and where the Hessian is positive
+        definite Newton's own measure, the KKT residual, is the sharper one.
+        """
+        if found.index == 0 and t == 1.0 and trial.worst < 0.5 * point.worst:
+            return True
+        before = self.search.merit(point.local.energy, point.local.constraints)
+        after = self.search.merit(trial.local.energy, trial.local.constraints)
+        slope = float(point.local.gradient @ found.step) - float(
+            self.search.penalty @ np.abs(point.local.constraints)
+        )
+        noise = 1e-14 * abs(before)
+        return after <= before + ARMIJO * t * min(slope, 0.0) + noise
+
+    def _allowed(self, point: _Point, trial: _Point) -> bool:
+        """The traps: no facet turns over, the band does not pass through itself."""
+        if (inverted_facets(self.problem, trial.x) <= 0).any():
+            self.trouble = (Status.INVERTED_FACET, "")
+            return False
+        guard = self.options.guard
+        if guard is not None and change(self.problem, point.x, trial.x - point.x) > GUARD_FROM:
+            complaint = guard(self.problem.state(trial.x))
+            if complaint:
+                self.trouble = (Status.LEFT_TOPOLOGY, complaint)
+                return False
+        return True
+
+    def _record_saddle(self, point: _Point, found: Direction) -> None:
+        self.saddles.append(
+            SaddleMet(
+                point.x, point.multipliers, point.local.energy, found.index, point.kkt, point.constraint
+            )
+        )
+
+    def _leave(self, point: _Point, factor: Factor, found: Direction) -> _Point | None:
+        """Leave a saddle along its lowest eigenvector, to the side and by the length of least energy."""
+        v = found.vectors[:, 0]
+        v = v * np.sign(v[np.argmax(np.abs(v))])
+        size = change(self.problem, point.x, v)
+        best: _Point | None = None
+        for t in (0.4, 0.1, 0.02, 0.004):
+            for side in (1.0, -1.0):
+                x = point.x + (side * t * self.options.step_limit / size) * v
+                for _ in range(4):
+                    x = x + self.search.correct(factor, x)
+                trial = _point(self.problem, x, point.multipliers)
+                if not np.isfinite(trial.worst) or not self._allowed(point, trial):
+                    continue
+                lower = trial.local.energy < point.local.energy if best is None else (
+                    trial.local.energy < best.local.energy
+                )
+                if lower:
+                    best = trial
+            if best is not None:
+                break
+        return best
+
+    def _stopped(self, point: _Point, found: Direction) -> Result:
+        status, detail = self.trouble
+        return self._result(status, point, detail=detail)
+
+    def _result(
+        self, status: Status, point: _Point, *, negative: int | None = None, detail: str = ""
+    ) -> Result:
+        return Result(
+            status=status,
+            x=point.x,
+            multipliers=point.multipliers,
+            state=self.problem.state(point.x),
+            energy=point.local.energy,
+            kkt_residual=point.kkt,
+            constraint_residual=point.constraint,
+            negative=negative,
+            steps=self.steps,
+            saddles=tuple(self.saddles),
+            detail=detail,
+            surplus_seen=self.surplus_seen,
+        )

@@ -1,0 +1,171 @@
+"""From a coarse state to a start on a finer grid: smooth prolongation, and the thesis's splitting.
+
+Smooth prolongation interpolates curvature (fold angle per length) and eta along the band by cubic
+splines, periodic on two-sided bands and antiperiodic on one-sided ones, samples them on the new grid
+and restores closure in folding coordinates. The start is exactly isometric. Splitting, Koldaev (2022),
+section 3.1, halves facets and makes a kinked start that costs many more steps.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from ..model import folding
+from ..model.band import Array, Band, Multipliers, State
+
+
+STEEPENING = 2.7
+"""The gap 1 - max |b eta'| at an inflection falls like this power of h (measured on pi bands at b = 0.2
+to 1.0, N = 50 to 400: 2.5 to 2.8). It shapes starts only, never results."""
+
+
+class Phase(Enum):
+    """Where the first inflection is put on the new grid; see `grid_shift`."""
+
+    FACET = "facet"
+    NODE = "node"
+
+
+@dataclass(frozen=True)
+class Start:
+    """A start on the new grid; `state` is isometric if it comes from smooth prolongation."""
+
+    state: State
+    multipliers: Multipliers
+    method: str
+
+
+def closed_spline(values: Array, length: float, first: float, sign: int) -> CubicSpline:
+    """Cubic spline through (N,) values at first, first + h, ... with f(s + length) = sign f(s)."""
+    n = values.size
+    if sign > 0:
+        s = first + length * np.arange(n + 1) / n
+        return CubicSpline(s, np.append(values, values[0]), bc_type="periodic")
+    s = first + length * np.arange(2 * n + 1) / n
+    return CubicSpline(s, np.concatenate((values, -values, values[:1])), bc_type="periodic")
+
+
+def inflections(kappa: Array, band: Band) -> Array:
+    """Arclengths in [0, l) at which the curvature changes sign, from node values (N,)."""
+    threshold = 1e-9 * float(np.abs(kappa).max())
+    if float(np.abs(kappa).min()) > 0 and (np.sign(kappa) == np.sign(kappa[0])).all() and band.sigma > 0:
+        return np.empty(0)
+    spline = closed_spline(kappa, band.length, 0.0, band.sigma)
+    roots = np.asarray(spline.roots(extrapolate=False))
+    slopes = np.abs(spline(roots, 1)) > threshold
+    return np.unique(np.round(roots[slopes & (roots < band.length * (1 - 1e-12))], 14))
+
+
+def curvature(state: State) -> Array:
+    """Signed curvature (N,) at nodes by fold angle, kappa h = theta / sqrt(1 + eta^2)."""
+    fold = folding.from_state(state)
+    out: Array = fold.theta / (state.band.h * np.sqrt(1.0 + fold.eta**2))
+    return out
+
+
+def grid_shift(roots: Array, h: float, phase: Phase) -> float:
+    """Shift in [-h/2, h/2] of a grid of step h that puts inflections on facets' middles or on nodes.
+
+    Sliding is a mode of the continuum but not of the grid: which phase is the minimum and which the
+    saddle of index 1 depends on the band. Several inflections share the circular mean of their phases.
+    """
+    if roots.size == 0:
+        return 0.0
+    offset = 0.5 if phase is Phase.FACET else 0.0
+    turns = np.exp(2j * np.pi * (roots / h - offset))
+    return float(np.angle(turns.sum()) / (2 * np.pi) * h)
+
+
+def smooth(state: State, multipliers: Multipliers, segments: int, phase: Phase = Phase.FACET) -> Start:
+    """Smooth prolongation to any number of segments.
+
+    Raises ClosureError where the interpolated rulings meet inside the strip or it cannot be closed.
+    """
+    old, new = state.band, state.band.with_segments(segments)
+    length, sigma = old.length, old.sigma
+    fold = folding.from_state(state)
+    kappa = fold.theta / (old.h * np.sqrt(1.0 + fold.eta**2))
+    shift = grid_shift(inflections(kappa, old), new.h, phase)
+    nodes = shift + new.h * np.arange(segments)
+    eta = _sampled_eta(state, fold.eta, new, nodes)
+    theta = _sample(kappa, 0.0, sigma, length, nodes) * new.h * np.sqrt(1.0 + eta**2)
+    closed = folding.close(folding.Folding(theta, eta), sigma)
+    fine = _placed_like(state, folding.to_state(new, closed), shift)
+    return Start(fine, _sampled_multipliers(multipliers, old, new, nodes), "smooth prolongation")
+
+
+def _sample(values: Array, first: float, sign: int, length: float, s: Array) -> Array:
+    spline = closed_spline(values, length, first, sign)
+    period = length if sign > 0 else 2.0 * length
+    out: Array = spline(first + (s - first) % period)
+    return out
+
+
+def _sampled_eta(state: State, eta: Array, fine: Band, nodes: Array) -> Array:
+    """Eta on the new nodes with |b eta'| < 1 on every facet.
+
+    At an inflection |b eta'| touches 1 in the continuum, so a spline through eta can overshoot it: rulings
+    would cross. Slopes are capped by the coarse grid's steepest facet, whose distance from 1 is carried
+    over by its power of h; what the caps take off is spread over the other facets, by their slack.
+    """
+    old = state.band
+    direct = _sample(eta, 0.0, old.sigma, old.length, nodes)
+    following = np.append(direct[1:], old.sigma * direct[0])
+    slope = (following - direct) * (fine.half_width / fine.h)
+    gap = float(2.0 / (1.0 + np.exp(2.0 * np.abs(state.xi).max())))
+    cap = 1.0 - gap * min(1.0, fine.h / old.h) ** STEEPENING
+    steep = np.abs(slope) > cap
+    if not steep.any():
+        return direct
+    capped = np.clip(slope, -cap, cap)
+    slack = np.where(steep, 0.0, 1.0 - np.minimum(slope**2, 1.0))
+    capped += (slope.sum() - capped.sum()) * slack / slack.sum()
+    rise = capped * (fine.h / fine.half_width)
+    summed = np.concatenate(([0.0], np.cumsum(rise)[:-1]))
+    # With an antiperiodic eta the sum fixes the constant; a periodic one keeps its mean.
+    return summed + (direct[0] if old.sigma < 0 else float(np.mean(direct - summed)))
+
+
+def _placed_like(coarse: State, fine: State, shift: float) -> State:
+    """Rotate the fine state so that it lies over the coarse one as well as it can (Kabsch)."""
+    n, h = fine.band.segments, coarse.band.h
+    middles = shift + fine.band.h * (np.arange(n) + 0.5)
+    owner = np.floor(middles / h).astype(int) % coarse.band.segments
+    u, _, vt = np.linalg.svd(fine.u.T @ coarse.u[owner])
+    turn = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt
+    g = fine.g @ turn
+    # One-sided bands have two ways to name the side; take the one the coarse band has.
+    if float(np.sum(g[0] * coarse.g[int(np.floor(shift / h + 0.5)) % coarse.band.segments])) < 0:
+        g = -g
+    return State(fine.band, fine.u @ turn, g, fine.xi)
+
+
+def _sampled_multipliers(old: Multipliers, coarse: Band, fine: Band, nodes: Array) -> Multipliers:
+    """Multiplier fields on the new grid; lambda_3 and lambda_5 are odd in g, so they carry sigma."""
+    middles, half = nodes + 0.5 * fine.h, 0.5 * coarse.h
+    sigma, length = coarse.sigma, coarse.length
+    return Multipliers(
+        _sample(old.lambda_1, half, 1, length, middles),
+        _sample(old.lambda_2, 0.0, 1, length, nodes),
+        _sample(old.lambda_3, 0.0, sigma, length, nodes),
+        _sample(old.lambda_4, half, 1, length, middles),
+        _sample(old.lambda_5, half, sigma, length, middles),
+        old.gamma.copy(),
+    )
+
+
+def split(state: State, multipliers: Multipliers) -> Start:
+    """Split every facet in two, Koldaev (2022), section 3.1: u is kept, the middle ruling averages."""
+    old = state.band
+    new = old.with_segments(2 * old.segments)
+    u = np.repeat(state.u, 2, axis=0)
+    following = state.next_rulings()
+    g = np.stack((state.g, 0.5 * (state.g + following)), axis=1).reshape(-1, 3)
+    xi = np.repeat(state.xi, 2)
+    fields = (multipliers.lambda_1, multipliers.lambda_2, multipliers.lambda_3, multipliers.lambda_4)
+    doubled = [np.repeat(f, 2) for f in (*fields, multipliers.lambda_5)]
+    return Start(State(new, u, g, xi), Multipliers(*doubled, multipliers.gamma.copy()), "facets split in two")

@@ -1,0 +1,179 @@
+"""The exact saddle-free Newton step at sparse cost, Koldaev (2022), section 2.3.2.
+
+With W_c = K^T W K the projected Hessian, the method replaces its negative eigenvalues by their
+absolute values and leaves the blocks that couple to the constraints' range alone. In eigenvectors
+v_j of W_c the tangential Newton component is -r_j / mu_j, and the saddle-free one is -r_j / |mu_j|: the
+same but for a change of sign where mu_j < 0. The normal component is orthogonal to all v_j. Hence
+  p_sf = p_N - 2 sum_j v_j (v_j . p_N),     lambda_sf = lambda_N - 2 sum_j nu_j (v_j . p_N),
+over the k negative eigenpairs alone, where W v_j = mu_j v_j + A^T nu_j.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import linalg
+from scipy.sparse import linalg as sparse_linalg
+
+from ..model.band import Array
+from ..model.problem import LocalDerivatives, Problem
+from .inertia import inertia
+from .kkt import KKTMatrix
+from .linear import Factor, FactorisationError
+
+LANCZOS_LIMIT = 60
+"""Above this number of negative eigenpairs, or a sixth of all, the dense method is the cheaper one."""
+DENSE_SEGMENTS = 400
+
+
+@dataclass(frozen=True)
+class Direction:
+    """A step p (7N,), the multipliers to go with it (5N+3,), and what is known of W_c.
+
+    `negative` eigenvalues (k,) ascending and `vectors` (7N, k) span the negative eigenspace.
+    """
+
+    step: Array
+    multipliers: Array
+    negative: Array
+    vectors: Array
+
+    @property
+    def index(self) -> int:
+        """Number of negative eigenvalues of the projected Hessian."""
+        return int(self.negative.size)
+
+
+def start_vector(size: int, fixed: np.ndarray) -> Array:
+    """A fixed start for Lanczos, so that runs repeat bit for bit."""
+    v = np.cos(1.0 + np.arange(size, dtype=np.float64) ** 1.5)
+    v[fixed] = 0.0
+    return v
+
+
+def shift_below(matrix: KKTMatrix, count: int) -> Factor:
+    """Factor K - sigma M for a sigma below all negative eigenvalues, and no more than 8 times below.
+
+    With such a shift the negative eigenvalues mu have 1 / (mu - sigma) above 1 / |sigma| and all others
+    below: Lanczos separates them at once, whatever the spread of the rest.
+    Raises FactorisationError if no such shift is found.
+    """
+    sigma, enough = -1e-3, 0.0
+    for _ in range(40):
+        if inertia(matrix, sigma).negative == 0:
+            enough = sigma
+            sigma /= 8.0
+            if sigma > -1e-13:
+                break
+        elif enough:
+            break
+        else:
+            sigma *= 8.0
+    if not enough:
+        raise FactorisationError(f"no shift below the {count} negative eigenvalues was found")
+    return Factor(matrix, shift=enough)
+
+
+def negative_eigenpairs(problem: Problem, matrix: KKTMatrix, count: int) -> tuple[Array, Array, Array]:
+    """The `count` negative eigenpairs of the projected Hessian, Euclidean metric.
+
+    Returns values (k,) ascending, vectors (7N, k), and nu (5N+3, k) with W v = mu v + A^T nu, by
+    shift-invert Lanczos on the KKT operator restricted to x.
+    Raises FactorisationError if it does not find as many as the inertia says.
+    """
+    n = problem.size
+    factor = shift_below(matrix, count)
+    rhs = np.zeros(matrix.size + matrix.border)
+
+    def inverse(w: Array) -> Array:
+        rhs[:n] = np.where(problem.fixed, 0.0, w)
+        out = factor.solve(rhs)[:n]
+        out[problem.fixed] = 0.0
+        return out
+
+    operator = sparse_linalg.LinearOperator((n, n), matvec=inverse, dtype=np.float64)
+    v0 = start_vector(n, problem.fixed)
+    try:
+        inverse_values, vectors = sparse_linalg.eigsh(
+            operator, k=count, which="LA", v0=v0, tol=0, ncv=min(n - 1, max(2 * count + 20, 30)), maxiter=60
+        )
+    except sparse_linalg.ArpackError as error:
+        raise FactorisationError("Lanczos found too few negative eigenvalues") from error
+    values = factor.shift + 1.0 / inverse_values
+    if not (values < 0).all():
+        raise FactorisationError("Lanczos and the inertia disagree on the number of negative eigenvalues")
+    nu = np.empty((problem.rows, count))
+    for j in range(count):
+        # (K - sigma M) [v; -nu] = (mu - sigma) [v; 0]
+        rhs[:n] = vectors[:, j]
+        z = factor.solve(rhs)
+        nu[:, j] = -z[n : n + problem.rows] * (values[j] - factor.shift)
+    order = np.argsort(values)
+    return values[order], vectors[:, order], nu[:, order]
+
+
+def direction(
+    problem: Problem, local: LocalDerivatives, factor: Factor, index: int | None = None
+) -> Direction:
+    """The saddle-free step from the derivatives at a point and their factorisation.
+
+    `index` is the number of negative eigenvalues where it is known.
+    Raises FactorisationError if the systems cannot be solved.
+    """
+    n, m = problem.size, problem.rows
+    rhs = np.concatenate((-local.gradient, -local.constraints, np.zeros(factor.matrix.gauge)))
+    z = factor.solve(rhs)
+    step, multipliers = z[:n], -z[n : n + m]
+    count = factor.surplus if index is None else index
+    if index is None and count != 0:
+        # A count by regularised pivots can be off where the matrix is ill-conditioned; eigenpairs are
+        # looked for only if the block reduction, which needs no regularisation, confirms it.
+        count = inertia(factor.matrix).negative
+    if count <= 0:
+        return Direction(step, multipliers, np.empty(0), np.empty((n, 0)))
+    if count > LANCZOS_LIMIT or 6 * count > 2 * problem.band.segments:
+        values, vectors, nu = dense_negative_eigenpairs(problem, local, factor.matrix)
+    else:
+        try:
+            values, vectors, nu = negative_eigenpairs(problem, factor.matrix, count)
+        except FactorisationError:
+            if problem.band.segments > DENSE_SEGMENTS:
+                raise
+            values, vectors, nu = dense_negative_eigenpairs(problem, local, factor.matrix)
+    along = vectors.T @ step
+    return Direction(step - 2.0 * vectors @ along, multipliers - 2.0 * nu @ along, values, vectors)
+
+
+def null_space(problem: Problem, local: LocalDerivatives, rotations: Array) -> Array:
+    """Orthonormal basis (7N, d) of the moves that keep constraints, gauge and prescribed rulings.
+
+    From a full QR of the constraint normals, K below (2.57); dense, O(N^3).
+    """
+    rows = problem.jacobian_matrix(local).toarray()
+    held = np.eye(problem.size)[problem.fixed]
+    normals = np.vstack((rows, rotations.T, held)).T
+    (qr, tau), _ = linalg.qr(normals, mode="raw", check_finite=False)
+    rank = normals.shape[1]
+    basis = np.zeros((problem.size, problem.size - rank), order="F")
+    basis[np.arange(rank, problem.size), np.arange(problem.size - rank)] = 1.0
+    multiply = linalg.get_lapack_funcs("ormqr", (qr,))
+    work = int(multiply("L", "N", qr, tau, basis, -1)[1][0])
+    out: Array = multiply("L", "N", qr[:, :rank], tau, basis, work)[0]
+    return out
+
+
+def dense_negative_eigenpairs(
+    problem: Problem, local: LocalDerivatives, matrix: KKTMatrix
+) -> tuple[Array, Array, Array]:
+    """All negative eigenpairs by dense algebra, for many of them; same returns as Lanczos."""
+    rotations = matrix.rotations
+    basis = null_space(problem, local, rotations)
+    hessian = problem.hessian_matrix(local)
+    values, y = linalg.eigh(basis.T @ (hessian @ basis))
+    keep = values < 0
+    vectors = basis @ y[:, keep]
+    excess = hessian @ vectors - vectors * values[keep]
+    rows = np.vstack((problem.jacobian_matrix(local).toarray(), rotations.T))
+    nu = linalg.lstsq(rows.T, excess)[0][: problem.rows]
+    return values[keep], vectors, nu

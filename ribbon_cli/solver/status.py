@@ -1,0 +1,87 @@
+"""How a solve can end. Each status is a word for programs and a sentence for people."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import Enum
+
+from ..model.band import Array, Multipliers, State
+
+
+class Status(Enum):
+    """Outcomes of a solve; `value` is the word stored, `sentence` what a user reads."""
+
+    MINIMUM = "minimum"
+    SADDLE = "saddle"
+    STALLED = "stalled"
+    ITERATION_LIMIT = "iteration-limit"
+    LEFT_TOPOLOGY = "left-topology"
+    INVERTED_FACET = "inverted-facet"
+    NOT_FINITE = "not-finite"
+    UNDECIDED = "undecided"
+
+    @property
+    def sentence(self) -> str:
+        """The status as a sentence."""
+        return _SENTENCES[self]
+
+
+_SENTENCES = {
+    Status.MINIMUM: "Converged to a minimum: residuals are small and the projected Hessian is positive definite.",
+    Status.SADDLE: "Converged to a saddle: residuals are small, but the energy falls along some direction.",
+    Status.STALLED: "Stalled: no step short enough makes progress.",
+    Status.ITERATION_LIMIT: "Stopped at the limit of iterations before the residuals were small.",
+    Status.LEFT_TOPOLOGY: "The band passed through itself: its linking number changed.",
+    Status.INVERTED_FACET: "A facet turned inside out: the shape is no longer a folded strip.",
+    Status.NOT_FINITE: "The energy or its derivatives are not finite.",
+    Status.UNDECIDED: "Converged, but whether it is a minimum could not be decided.",
+}
+
+
+@dataclass(frozen=True)
+class SaddleMet:
+    """A stationary point of index k that was met and left."""
+
+    x: Array
+    multipliers: Array
+    energy: float
+    index: int
+    kkt_residual: float
+    constraint_residual: float
+
+
+@dataclass(frozen=True)
+class Result:
+    """What a solve returns; nothing is raised for a solve that fails.
+
+    `negative` is the number of negative eigenvalues of the projected Hessian, rotations left out,
+    None where it was not determined. `kkt_residual` is the largest component of the Lagrangian's
+    gradient over (u, g, xi), `constraint_residual` that of the constraints of (2.19).
+    """
+
+    status: Status
+    x: Array
+    multipliers: Array
+    state: State
+    energy: float
+    kkt_residual: float
+    constraint_residual: float
+    negative: int | None
+    steps: int
+    saddles: tuple[SaddleMet, ...] = ()
+    detail: str = ""
+    surplus_seen: int = field(default=0)
+
+    @property
+    def certified(self) -> bool:
+        """True for a minimum whose residuals and inertia were verified."""
+        return self.status is Status.MINIMUM
+
+    @property
+    def message(self) -> str:
+        """The sentence of the status, with details where there are any."""
+        return f"{self.status.sentence} {self.detail}".strip()
+
+    def named_multipliers(self) -> Multipliers:
+        """Multipliers by name, normalised as in (1.58)."""
+        return Multipliers.from_vector(self.state.band.segments, self.multipliers)

@@ -1,0 +1,118 @@
+"""Files that appear whole or not at all, whatever kills the process or fills the disk.
+
+Every system call goes through the `os` module by name, so that tests can make any one of them fail.
+"""
+
+from __future__ import annotations
+
+import errno
+import itertools
+import os
+from contextlib import suppress
+from pathlib import Path
+
+from ribbon_cli.errors import StoreError
+
+TEMPORARY = ".tmp-"
+"""Prefix of files and folders that are not finished; whoever holds the run's lock may remove them."""
+
+_NO_LINKS = {errno.EPERM, errno.ENOSYS, errno.EOPNOTSUPP, errno.ENOTSUP, errno.EMLINK}
+_NO_FOLDER_SYNC = {errno.EINVAL, errno.ENOSYS, errno.EOPNOTSUPP, errno.ENOTSUP}
+_counter = itertools.count()
+
+
+def write_atomic(path: str | Path, data: bytes, *, overwrite: bool = False) -> None:
+    """Write a file so that it is durable and whole when this returns, and absent or as before when it raises.
+
+    The bytes go to a temporary file in the same folder, are synced, and get their name in one step; then the
+    folder is synced. Without `overwrite` an existing file is never replaced. Raises StoreError, one
+    line, for any failure of the file system, after removing the temporary file.
+    """
+    path = Path(path)
+    temporary = temporary_name(path)
+    try:
+        try:
+            write_durable(temporary, data)
+            _publish(temporary, path, overwrite)
+        finally:
+            with suppress(OSError):
+                os.unlink(temporary)
+        try:
+            sync_folder(path.parent)
+        except BaseException:
+            # Its name may not survive a power cut, so the caller must not be told either way: take it back.
+            if not overwrite:
+                with suppress(OSError):
+                    os.unlink(path)
+            raise
+    except OSError as error:
+        raise write_error(path, error) from error
+
+
+def write_error(path: str | Path, error: OSError) -> StoreError:
+    """One line for a failed write, with what to do about it."""
+    advice = {
+        errno.ENOSPC: "free some space, then repeat the command",
+        errno.EDQUOT: "free some of your quota, then repeat the command",
+        errno.EEXIST: "it exists already and is not replaced",
+        errno.EACCES: "check the folder's permissions",
+        errno.EROFS: "choose a folder on a writable file system",
+        errno.ENOENT: "its folder does not exist",
+    }
+    reason = error.strerror or str(error) or type(error).__name__
+    hint = advice.get(error.errno or 0, "check the file system")
+    return StoreError(f"{path}: cannot be written: {reason}; {hint}")
+
+
+def temporary_name(path: Path) -> Path:
+    """Return an unused name for an unfinished file or folder beside `path`."""
+    return path.parent / f"{TEMPORARY}{path.stem}-{os.getpid()}-{next(_counter)}-{os.urandom(4).hex()}"
+
+
+def write_durable(path: str | Path, data: bytes) -> None:
+    """Create a new file, write all of it and sync it. Raises OSError."""
+    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
+    try:
+        write_all(descriptor, data)
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def write_all(descriptor: int, data: bytes) -> None:
+    """Write every byte; a single call may write fewer. Raises OSError."""
+    view = memoryview(data)
+    while view:
+        written = os.write(descriptor, view)
+        if written == 0:
+            raise OSError(errno.EIO, os.strerror(errno.EIO))
+        view = view[written:]
+
+
+def sync_folder(path: str | Path) -> None:
+    """Make the names in a folder durable, where the file system can. Raises OSError."""
+    descriptor = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        os.fsync(descriptor)
+    except OSError as error:
+        if error.errno not in _NO_FOLDER_SYNC:
+            raise
+    finally:
+        os.close(descriptor)
+
+
+def _publish(temporary: Path, path: Path, overwrite: bool) -> None:
+    """Give a finished file its name. Raises OSError, FileExistsError for an existing file."""
+    if overwrite:
+        os.rename(temporary, path)
+        return
+    try:
+        # A link, unlike a rename, fails when the name is taken, however many processes try.
+        os.link(temporary, path)
+    except OSError as error:
+        if error.errno not in _NO_LINKS:
+            raise
+        # No hard links here (some network and removable file systems): the run's lock keeps others out.
+        if os.path.lexists(path):
+            raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST)) from error
+        os.rename(temporary, path)

@@ -1,0 +1,179 @@
+"""Between a record and the flat set of values that its file holds, as layout.py lists them.
+
+A value is a NumPy array (0-d for scalars) of little-endian float64, int64 or bool, a str, or a tuple of str.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+from ribbon_cli.store.layout import SPECTRUM, STATE, Item, provenance_item
+from ribbon_cli.store.record import METRICS, SpectrumRecord, StateRecord
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    Value = np.ndarray[Any, Any] | str | tuple[str, ...]
+
+NUMPY_DTYPE = {"float64": "<f8", "int64": "<i8", "bool": "?"}
+_KEY = re.compile(r"[a-z][a-z0-9_]{0,63}")
+
+
+@dataclass(frozen=True)
+class Field:
+    """One dataset to write: its item, with the path made definite, and its value."""
+
+    item: Item
+    value: Value
+
+
+def is_scientific(path: str) -> bool:
+    """Whether the content hash covers a path: everything outside /provenance."""
+    return not path.startswith("/provenance/")
+
+
+def value_shape(value: Value) -> tuple[int, ...]:
+    """Shape of a value; a str is a scalar."""
+    if isinstance(value, str):
+        return ()
+    return (len(value),) if isinstance(value, tuple) else value.shape
+
+
+def value_dtype(value: Value) -> str:
+    """Name of a value's dtype in layout.py. Raises ValueError for an array of another dtype."""
+    if isinstance(value, str | tuple):
+        return "utf-8"
+    for name, code in NUMPY_DTYPE.items():
+        if value.dtype == code:
+            return name
+    raise ValueError(f"dtype {value.dtype} is not one of float64, int64, bool, utf-8")
+
+
+def _check_shape(item: Item, shape: tuple[int, ...], dims: dict[str, int]) -> None:
+    """Compare a shape with the item's, binding symbols at their first use. Raises ValueError."""
+    wanted = tuple(
+        dim if isinstance(dim, int) else dims.setdefault(dim, shape[axis] if axis < len(shape) else -1)
+        for axis, dim in enumerate(item.shape)
+    )
+    if shape != wanted:
+        symbols = "(" + ", ".join(map(str, item.shape)) + ")"
+        raise ValueError(f"{item.path} has shape {shape}, expected {symbols} = {wanted}")
+
+
+def _to_value(item: Item, raw: Any) -> Value:
+    """Convert a record's attribute to the item's dtype. Raises ValueError where that would change it."""
+    import numpy as np
+
+    if item.dtype == "utf-8":
+        texts = (raw,) if isinstance(raw, str) else raw
+        if any("\0" in text for text in texts):
+            raise ValueError(f"{item.path}: text must not contain the null character")
+        return raw if isinstance(raw, str) else tuple(raw)
+    value = np.asarray(raw, dtype=NUMPY_DTYPE[item.dtype])
+    if item.dtype != "float64" and value != raw:
+        raise ValueError(f"{item.path} must be {item.dtype}, got {raw!r}")
+    return value
+
+
+def _record_fields(record: object, items: tuple[Item, ...], dims: dict[str, int]) -> Iterator[Field]:
+    """Fields of the items that the record has; absent optional ones are left out."""
+    for item in items:
+        raw = getattr(record, item.field)
+        if raw is None and item.optional:
+            continue
+        value = _to_value(item, raw)
+        _check_shape(item, value_shape(value), dims)
+        yield Field(item, value)
+
+
+def _spectrum_items(metric: str) -> tuple[Item, ...]:
+    """Items of one spectrum with definite paths."""
+    return tuple(replace(item, path=item.path.replace("METRIC", metric)) for item in SPECTRUM)
+
+
+def _dims(segments: int) -> dict[str, int]:
+    """Values of the symbols that N fixes."""
+    return {"N": segments, "N+1": segments + 1}
+
+
+def flatten(record: StateRecord) -> list[Field]:
+    """Return every dataset of a record's file, provenance last.
+
+    Raises ValueError where a value does not fit layout.py.
+    """
+    fields = list(_record_fields(record, STATE, _dims(record.segments)))
+    for spectrum in record.spectra:
+        dims = _dims(record.segments)
+        fields += _record_fields(spectrum, _spectrum_items(spectrum.metric), dims)
+        _check_modes(spectrum.metric, dims)
+    for key in sorted(record.provenance):
+        if not _KEY.fullmatch(key):
+            raise ValueError(f"provenance key {key!r} must be lower-case letters, digits and underscores")
+        item = provenance_item(key, record.provenance[key])
+        fields.append(Field(item, _to_value(item, record.provenance[key])))
+    return fields
+
+
+def _check_modes(metric: str, dims: dict[str, int]) -> None:
+    """Refuse more vectors than eigenvalues. Raises ValueError."""
+    if dims.get("m", 0) > dims["k"]:
+        raise ValueError(f"/spectra/{metric}/vectors holds {dims['m']} modes for {dims['k']} eigenvalues")
+
+
+def _to_python(value: Value) -> Any:
+    """Scalars as Python's own, arrays and texts as they are."""
+    return value if isinstance(value, str | tuple) or value.shape else value.item()
+
+
+def _record_values(
+    values: Mapping[str, Value], items: tuple[Item, ...], dims: dict[str, int]
+) -> dict[str, Any]:
+    """Keyword arguments of a record from its file's values. Raises ValueError where they do not fit."""
+    found: dict[str, Any] = {}
+    for item in items:
+        value = values.get(item.path)
+        if value is None:
+            if not item.optional:
+                raise ValueError(f"{item.path} is missing")
+            found[item.field] = None
+            continue
+        if value_dtype(value) != item.dtype:
+            raise ValueError(f"{item.path} is {value_dtype(value)}, expected {item.dtype}")
+        _check_shape(item, value_shape(value), dims)
+        found[item.field] = _to_python(value)
+    return found
+
+
+def assemble(values: Mapping[str, Value]) -> StateRecord:
+    """Return the record of a file's values, a mapping from path to value; the inverse of `flatten`.
+
+    Paths that layout.py does not know are skipped: a newer minor version may add them.
+    Raises ValueError where a dataset is missing or does not fit.
+    """
+    segments = values.get("/state/segments")
+    if segments is None or value_dtype(segments) != "int64" or value_shape(segments) != ():
+        raise ValueError("/state/segments is missing or not an integer")
+    n = int(_to_python(segments))
+    spectra = []
+    for metric in METRICS:
+        if not any(path.startswith(f"/spectra/{metric}/") for path in values):
+            continue
+        dims = _dims(n)
+        spectra.append(SpectrumRecord(**_record_values(values, _spectrum_items(metric), dims), metric=metric))
+        _check_modes(metric, dims)
+    fields = _record_values(values, STATE, _dims(n))
+    return StateRecord(**fields, spectra=tuple(spectra), provenance=_provenance(values))
+
+
+def _provenance(values: Mapping[str, Value]) -> dict[str, Any]:
+    """Entries of /provenance. Raises ValueError unless each is a scalar."""
+    found = {}
+    for path, value in values.items():
+        if not is_scientific(path):
+            if value_shape(value) != ():
+                raise ValueError(f"{path} must be a scalar")
+            found[path.removeprefix("/provenance/")] = _to_python(value)
+    return found

@@ -1,0 +1,107 @@
+"""What lies where in a run's folder, and how such a folder comes into being."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import shutil
+import time
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from ribbon_cli.store import log
+from ribbon_cli.store.atomic import TEMPORARY, sync_folder, temporary_name, write_durable
+from ribbon_cli.store.record import StateRecord
+from ribbon_cli.store.summaries import describe
+
+CONFIG = "config.yaml"
+RESOLVED = "resolved.yaml"
+LOG = "log.jsonl"
+STATES = "states"
+RUN_FORMAT = "ribbon-run"
+RUN_FORMAT_VERSION = "1.0"
+
+_STATE_FILE = re.compile(r"(\d{4,})\.h5")
+_ABANDONED = 3600.0
+"""Seconds after which an unfinished run folder cannot belong to a process that is still creating it."""
+
+
+def is_run(path: Path) -> bool:
+    """Whether a folder is a run's."""
+    return (path / RESOLVED).is_file() and not path.name.startswith(".")
+
+
+def state_name(label: int) -> str:
+    """Path of a state's file inside its run."""
+    return f"{STATES}/{label:04d}.h5"
+
+
+def label_of(path: Path) -> int | None:
+    """Label in the name of a state's file, None for any other name."""
+    match = _STATE_FILE.fullmatch(path.name)
+    return int(match[1]) if match and int(match[1]) > 0 and path.name == f"{int(match[1]):04d}.h5" else None
+
+
+def state_files(folder: Path) -> dict[int, Path]:
+    """Files of a run's states by label, ascending. Raises OSError."""
+    found = {label_of(path): path for path in (folder / STATES).iterdir()}
+    return {label: found[label] for label in sorted(label for label in found if label is not None)}
+
+
+def state_entry(record: StateRecord, data: bytes) -> dict[str, Any]:
+    """Entry in the log for a state whose file holds `data`."""
+    return {
+        "event": "state",
+        "time": log.utc_now(),
+        "file": state_name(record.label),
+        "sha256": hashlib.sha256(data).hexdigest(),
+        "state": describe(record),
+    }
+
+
+def created_entry(files: Mapping[str, bytes]) -> dict[str, Any]:
+    """First entry of a run's log, with the hashes of its config files."""
+    hashes = {name: hashlib.sha256(data).hexdigest() for name, data in files.items()}
+    return {
+        "event": "created",
+        "time": log.utc_now(),
+        "format": RUN_FORMAT,
+        "format_version": RUN_FORMAT_VERSION,
+        "files": hashes,
+    }
+
+
+def create(path: Path, files: Mapping[str, bytes]) -> None:
+    """Make a run's folder: built under a temporary name beside it, then renamed.
+
+    Another process may have made the same folder meanwhile, which serves as well. Raises OSError, and leaves
+    nothing unless it is complete.
+    """
+    temporary = temporary_name(path)
+    try:
+        os.mkdir(temporary)
+        os.mkdir(temporary / STATES)
+        for name, data in files.items():
+            write_durable(temporary / name, data)
+        write_durable(temporary / LOG, log.format_line(created_entry(files)))
+        sync_folder(temporary / STATES)
+        sync_folder(temporary)
+        try:
+            os.rename(temporary, path)
+        except OSError:
+            if not is_run(path):
+                raise
+        sync_folder(path.parent)
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+
+
+def remove_abandoned(root: Path) -> None:
+    """Remove folders that a killed process was creating long ago. Failures do no harm and are ignored."""
+    with suppress(OSError):
+        for path in root.glob(f"{TEMPORARY}*"):
+            if time.time() - path.stat().st_mtime > _ABANDONED:
+                shutil.rmtree(path, ignore_errors=True)

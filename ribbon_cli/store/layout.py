@@ -1,0 +1,210 @@
+"""The one table of what a state file holds; writer, reader, documentation and JSON all follow from it.
+
+An item's record field is the last part of its path, so that no second list of names can disagree.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+FORMAT = "ribbon-state"
+FORMAT_VERSION = "1.0"
+"""major.minor: readers refuse a newer major, and skip what a newer minor adds."""
+
+Dtype = Literal["float64", "int64", "bool", "utf-8"]
+
+
+@dataclass(frozen=True)
+class Item:
+    """One dataset of a state file.
+
+    `shape` holds numbers and symbols: N facets, N+1 nodes with both ends of the seam, k eigenvalues, m stored
+    modes, e events. An `optional` item whose value is None is absent from the file. Those in `summary` appear
+    in the log and in `ribbon ls` and `ribbon show`.
+    """
+
+    path: str
+    dtype: Dtype
+    shape: tuple[str | int, ...]
+    equation: str
+    description: str
+    units: str = "1"
+    optional: bool = False
+    summary: bool = False
+
+    @property
+    def field(self) -> str:
+        """Name of the record's attribute."""
+        return self.path.rpartition("/")[2]
+
+
+def _items(rows: tuple[tuple[str, Dtype, str, str, str, str], ...]) -> tuple[Item, ...]:
+    """Rows of (path, dtype, shape, flags, equation, description); flags: o optional, s in the summary.
+
+    An equation that is a bare number in parentheses is one of Koldaev (2022).
+    """
+    items = []
+    for path, dtype, shape, flags, equation, description in rows:
+        dims = tuple(int(dim) if dim.isdigit() else dim for dim in shape.split())
+        source = f"Koldaev (2022), {equation}" if equation.startswith("(") else equation or "none"
+        items.append(
+            Item(path, dtype, dims, source, description, optional="o" in flags, summary="s" in flags)
+        )
+    return tuple(items)
+
+
+# fmt: off
+STATE = _items((
+    ("/origin/label", "int64", "", "s", "",
+     "place in the run, 1, 2, 3, ... in the order stored"),
+    ("/origin/kind", "utf-8", "", "s", "",
+     "equilibrium, intermediate, auxiliary (prescribed rulings, open seam) or saddle (met and left)"),
+    ("/origin/stage", "utf-8", "", "s", "",
+     "stage of the run that made the state, for instance `twist 3/50` or `b = 0.5`"),
+    ("/state/half_width", "float64", "", "s", "(1.48)",
+     "half-width b of the strip, in the unit of `length`"),
+    ("/state/segments", "int64", "", "s", "(2.3)",
+     "number N of flat facets; h = length/N"),
+    ("/state/length", "float64", "", "s", "(1.11)",
+     "length l of the midline"),
+    ("/state/discretisation", "utf-8", "", "s", "(2.15)",
+     "rule for xi at a node: thesis (F of the average) or value-average (average of F)"),
+    ("/topology/half_twists", "int64", "", "s", "Lk = n/2",
+     "half-twists n that the run asks for, sign is handedness"),
+    ("/topology/sigma", "int64", "", "s", "(2.1)-(2.2)",
+     "+1 orientable, -1 one-sided: g_{N+1} = sigma g_1 and xi_0 = sigma xi_N"),
+    ("/state/energy", "float64", "", "s", "(2.14)",
+     "Q_h with q_i = |u_i - u_{i-1}|^2 / 2, not divided by pi b"),
+    ("/certificate/status", "utf-8", "", "s", "",
+     "outcome in one word: minimum, saddle, stalled, ..."),
+    ("/certificate/message", "utf-8", "", "s", "",
+     "outcome as a sentence"),
+    ("/certificate/certified", "bool", "", "s", "(2.58)",
+     "stationary within tolerance, positive definite on the constraints and no facet inverted"),
+    ("/certificate/kkt_residual", "float64", "", "s", "(2.54)",
+     "largest component of the Lagrangian's gradient over (u, g, xi)"),
+    ("/certificate/constraint_residual", "float64", "", "s", "(2.19)",
+     "largest component of the constraints"),
+    ("/certificate/negative_eigenvalues", "int64", "", "os", "(2.58)",
+     "negative eigenvalues of the projected Hessian, rotations left out, sliding counted; absent: unknown"),
+    ("/certificate/smallest_facet", "float64", "", "s", "(2.18), fourth, with its sign",
+     "smallest (u_i x g_i).(u_i x g_{i+1}) over facets; positive when no facet is inverted"),
+    ("/certificate/inverted_facets", "int64", "", "s", "(2.18), fourth, with its sign",
+     "number of facets with (u_i x g_i).(u_i x g_{i+1}) <= 0"),
+    ("/topology/linking_number", "float64", "", "s", "Calugareanu (1961), Lk = Tw + Wr",
+     "linking number of midline and edge, half-integer on one-sided bands"),
+    ("/topology/twist", "float64", "", "s", "Calugareanu (1961), Lk = Tw + Wr",
+     "twist Tw of the rulings about the midline, in turns"),
+    ("/topology/writhe", "float64", "", "s", "Calugareanu (1961), Lk = Tw + Wr",
+     "writhe Wr of the midline"),
+    ("/topology/self_contact", "bool", "", "s", "",
+     "whether facets more than max(3, N/20) apart along the band meet"),
+    ("/topology/clearance", "float64", "", "s", "",
+     "smallest distance of facets more than max(3, N/20) apart along the band, in the unit of `length`"),
+    ("/origin/parent", "int64", "", "os", "",
+     "label in the same run of the state this one was reached from; absent: none"),
+    ("/origin/parent_ref", "utf-8", "", "os", "",
+     "reference to a parent outside the run; absent: none"),
+    ("/origin/method", "utf-8", "", "s", "",
+     "how the state was reached from its parent"),
+    ("/origin/newton_steps", "int64", "", "s", "(2.56)",
+     "Newton steps taken to reach the state from its guess"),
+    ("/origin/events", "utf-8", "e", "s", "",
+     "what happened on the way, in order, for instance `grid phase`"),
+    ("/state/u", "float64", "N 3", "", "(2.5)",
+     "tangent u_i of facet i, at alpha_{i+1/2}"),
+    ("/state/g", "float64", "N 3", "", "(2.3)",
+     "ruling g_i at node i; b g_i leads from the midline to the edge"),
+    ("/state/xi", "float64", "N", "", "(2.10)",
+     "xi_i of facet i with tanh xi_i = (b/h) u_i.(g_{i+1} - g_i)"),
+    ("/state/g_end", "float64", "3", "", "(2.2)",
+     "ruling g_{N+1}: sigma g_1 when the seam is closed, prescribed while it is open"),
+    ("/multipliers/lambda_1", "float64", "N", "", "(1.58)",
+     "multiplier of |u_i|^2 - 1, at facets"),
+    ("/multipliers/lambda_2", "float64", "N", "", "(1.58)",
+     "multiplier of |g_i|^2 - (g_i.u_i)^2 - 1, at nodes"),
+    ("/multipliers/lambda_3", "float64", "N", "", "(1.58)",
+     "multiplier of d''.g, discretely (u_i - u_{i-1}).g_i / h, at nodes"),
+    ("/multipliers/lambda_4", "float64", "N", "", "(1.58)",
+     "multiplier of (d' x g).g', discretely (u_i x g_i).g_{i+1} / h, at facets"),
+    ("/multipliers/lambda_5", "float64", "N", "", "(1.58)",
+     "multiplier of b d'.g' - tanh xi, at facets"),
+    ("/multipliers/gamma", "float64", "3", "", "(1.58)",
+     "closure force, multiplier of the integral of d'"),
+    ("/geometry/midline", "float64", "N+1 3", "", "(2.17)",
+     "midline's vertices d_1..d_{N+1}, d_{i+1} = d_i + h u_i, in the unit of `length`"),
+    ("/geometry/kappa_s", "float64", "N", "", "(3.1), reading g for g'",
+     "signed curvature of the midline at nodes"),
+    ("/geometry/tau", "float64", "N", "", "(3.1)",
+     "torsion of the midline at nodes, kappa_s eta"),
+    ("/geometry/eta", "float64", "N", "", "(3.1)",
+     "eta = d'.g at nodes, cotangent of the angle from tangent to ruling"),
+    ("/geometry/eta_prime", "float64", "N", "", "(3.1)",
+     "eta' = d'.g' at facets"),
+))
+"""Datasets of a state, in the order in which summaries show them."""
+
+SPECTRUM = _items((
+    ("/spectra/METRIC/complete", "bool", "", "", "(2.58)",
+     "whether every eigenvalue of the projected Hessian is listed, not only the lowest"),
+    ("/spectra/METRIC/values", "float64", "k", "", "(2.58)",
+     "eigenvalues of the projected Hessian, ascending"),
+    ("/spectra/METRIC/residuals", "float64", "k", "", "(2.58)",
+     "norms of the residuals of the eigenpairs"),
+    ("/spectra/METRIC/labels", "utf-8", "k", "", "",
+     "what each mode is: rotation, sliding, or another word"),
+    ("/spectra/METRIC/sliding_overlap", "float64", "k", "", "",
+     "overlap of each mode with sliding the shape along the band, 0 to 1"),
+    ("/spectra/METRIC/vectors", "float64", "m N 7", "o", "(2.58)",
+     "the lowest m <= k modes, (u, g, xi) per node; absent: not kept"),
+))
+"""Datasets of one spectrum; METRIC is `euclidean` or `physical`."""
+# fmt: on
+
+PROVENANCE = {
+    "argv": "command line",
+    "blas": "BLAS library that NumPy was built with",
+    "blas_threads": "threads that BLAS was allowed by the environment",
+    "cpu_seconds": "processor time",
+    "git_dirty": "1 when the working copy had uncommitted changes",
+    "git_revision": "revision of the repository that holds the config",
+    "hostname": "name of the machine",
+    "machine": "processor architecture",
+    "peak_memory_bytes": "largest resident memory",
+    "platform": "operating system",
+    "started": "start of the command, UTC",
+    "version_hdf5": "version of the HDF5 library",
+    "version_python": "version of Python",
+    "version_ribbon": "version of the program",
+    "wall_seconds": "elapsed time",
+}
+"""Known keys of /provenance; a writer may add others, each a scalar."""
+
+
+def provenance_item(key: str, value: str | int | float) -> Item:
+    """Item of a provenance entry, its dtype taken from the value. Raises ValueError for another type."""
+    if isinstance(value, str):
+        dtype: Dtype = "utf-8"
+    elif isinstance(value, int):
+        dtype = "int64"
+    elif isinstance(value, float):
+        dtype = "float64"
+    else:
+        raise ValueError(f"provenance {key!r} must be str, int or float, got {type(value).__name__}")
+    package = key.removeprefix("version_")
+    default = f"version of {package}" if package != key else "given by the program that wrote the file"
+    return Item(f"/provenance/{key}", dtype, (), "none", PROVENANCE.get(key, default))
+
+
+def layout_markdown() -> str:
+    """Return the table of docs/format.md: one Markdown row for every dataset."""
+    rows = ["| path | type | shape | equation | description |", "|---|---|---|---|---|"]
+    for item in (*STATE, *SPECTRUM):
+        shape = "(" + ", ".join(map(str, item.shape)) + (",)" if len(item.shape) == 1 else ")")
+        kind = f"{item.dtype}, optional" if item.optional else item.dtype
+        description = item.description.replace("|", "\\|")
+        rows.append(f"| `{item.path}` | {kind} | {shape} | {item.equation} | {description} |")
+    for key, description in PROVENANCE.items():
+        rows.append(f"| `/provenance/{key}` | scalar, optional | () | none | {description} |")
+    return "\n".join(rows) + "\n"

@@ -1,0 +1,163 @@
+"""A run's append-only log: one JSON object a line, each with its own checksum.
+
+A line counts once its line feed is there: what a kill or a full disk leaves after the last one is
+ignored by readers and cut off by the next writer. Damage anywhere else is an error.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import zlib
+from collections.abc import Iterable
+from contextlib import suppress
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from ribbon_cli.errors import StoreError
+from ribbon_cli.store.atomic import write_all, write_error
+
+_TAIL = len(',"crc32":"01234567"}')
+
+
+def utc_now() -> str:
+    """Current time, UTC, in ISO 8601."""
+    return datetime.now(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
+
+
+def to_json(value: Any) -> Any:
+    """Return a copy in JSON's types: not-a-number and infinities are None, tuples are lists."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, dict):
+        return {str(key): to_json(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [to_json(item) for item in value]
+    return value
+
+
+def format_line(entry: dict[str, Any]) -> bytes:
+    """Return an entry's line: compact JSON whose last member is the CRC-32 of the object without it."""
+    body = json.dumps(to_json(entry), ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode()
+    return body[:-1] + f',"crc32":"{zlib.crc32(body):08x}"}}\n'.encode()
+
+
+def parse_line(line: bytes) -> dict[str, Any]:
+    """Return an entry without its checksum. Raises ValueError for a damaged line."""
+    body = line[:-_TAIL] + b"}"
+    if line[-_TAIL:] != f',"crc32":"{zlib.crc32(body):08x}"}}'.encode():
+        raise ValueError("its checksum does not match")
+    entry = json.loads(body)
+    if not isinstance(entry, dict) or not isinstance(entry.get("event"), str):
+        raise ValueError("it is not an event")
+    return entry
+
+
+def _unreadable(path: Path, error: OSError) -> StoreError:
+    """One line for a log that cannot be read."""
+    return StoreError(
+        f"{path}: cannot be read: {error.strerror}; `ribbon repair` rebuilds it from the states"
+    )
+
+
+def read_lines(path: Path) -> list[bytes]:
+    """Return the log's complete lines. Raises StoreError when there is no log to read."""
+    try:
+        with open(path, "rb") as file:
+            data = file.read()
+    except OSError as error:
+        raise _unreadable(path, error) from error
+    return data.split(b"\n")[:-1]
+
+
+def read_log(path: Path) -> list[dict[str, Any]]:
+    """Return the log's entries in order. Raises StoreError for a damaged line, naming it."""
+    entries = []
+    for number, line in enumerate(read_lines(path), start=1):
+        try:
+            entries.append(parse_line(line))
+        except ValueError as error:
+            raise StoreError(
+                f"{path}:{number}: damaged line: {error}; `ribbon repair` rebuilds the log from the states"
+            ) from error
+    return entries
+
+
+def salvage_log(path: Path) -> tuple[list[dict[str, Any]], int]:
+    """Return the entries of a damaged or missing log that can be read, and how many lines cannot."""
+    entries: list[dict[str, Any]] = []
+    lost = 0
+    try:
+        lines = read_lines(path)
+    except StoreError:
+        return [], 0
+    for line in lines:
+        try:
+            entries.append(parse_line(line))
+        except ValueError:
+            lost += 1
+    return entries, lost
+
+
+def append_log(path: Path, entries: Iterable[dict[str, Any]]) -> None:
+    """Append entries behind the last whole line and sync.
+
+    Raises StoreError, after cutting off what was written of them.
+    """
+    data = b"".join(map(format_line, entries))
+    try:
+        descriptor = os.open(path, os.O_RDWR | os.O_APPEND | os.O_CLOEXEC)
+        try:
+            size = _cut(descriptor)[1]
+            try:
+                write_all(descriptor, data)
+                os.fsync(descriptor)
+            except BaseException:
+                with suppress(OSError):
+                    os.ftruncate(descriptor, size)
+                raise
+        finally:
+            # Once synced, the lines are there whatever closing says.
+            with suppress(OSError):
+                os.close(descriptor)
+    except OSError as error:
+        raise write_error(path, error) from error
+
+
+def cut_torn_line(path: Path) -> bool:
+    """Cut off what follows the last line feed; return whether there was anything. Raises StoreError."""
+    try:
+        descriptor = os.open(path, os.O_RDWR | os.O_CLOEXEC)
+        try:
+            torn, _ = _cut(descriptor)
+            return torn
+        finally:
+            os.close(descriptor)
+    except FileNotFoundError as error:
+        raise _unreadable(path, error) from error
+    except OSError as error:
+        raise write_error(path, error) from error
+
+
+def _cut(descriptor: int) -> tuple[bool, int]:
+    """Cut an open log behind its last line feed; return whether that took anything, and the size left."""
+    size = os.fstat(descriptor).st_size
+    end = _end_of_last_line(descriptor, size)
+    if end < size:
+        os.ftruncate(descriptor, end)
+        os.fsync(descriptor)
+    return end < size, end
+
+
+def _end_of_last_line(descriptor: int, size: int, step: int = 1 << 16) -> int:
+    """Offset behind the last line feed, searched from the end. Raises OSError."""
+    end = size
+    while end > 0:
+        start = max(0, end - step)
+        found = os.pread(descriptor, end - start, start).rfind(b"\n")
+        if found >= 0:
+            return start + found + 1
+        end = start
+    return 0

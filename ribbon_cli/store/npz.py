@@ -1,0 +1,155 @@
+"""States as npz files, for programs that read NumPy and no HDF5."""
+
+from __future__ import annotations
+
+import io
+import math
+import struct
+import zipfile
+import zlib
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ribbon_cli.errors import StoreError
+from ribbon_cli.store.atomic import write_atomic
+from ribbon_cli.store.content import content_sha256
+from ribbon_cli.store.hdf5 import MAX_BYTES
+from ribbon_cli.store.record import StateRecord
+
+if TYPE_CHECKING:
+    import numpy as np
+
+UNKNOWN = -1
+"""Stands for an undetermined `negative_eigenvalues`: npz has no None."""
+
+ARRAYS = ("u", "g", "xi", "g_end", "lambda_1", "lambda_2", "lambda_3", "lambda_4", "lambda_5", "gamma")
+SCALARS = (
+    "half_width",
+    "length",
+    "sigma",
+    "segments",
+    "half_twists",
+    "discretisation",
+    "energy",
+    "linking_number",
+    "label",
+    "kind",
+    "status",
+    "certified",
+    "kkt_residual",
+    "constraint_residual",
+    "negative_eigenvalues",
+)
+
+_SHAPES: dict[str, tuple[str | int, ...]] = {
+    **dict.fromkeys(("u", "g"), ("N", 3)),
+    **dict.fromkeys(("xi", "lambda_1", "lambda_2", "lambda_3", "lambda_4", "lambda_5"), ("N",)),
+    **dict.fromkeys(("g_end", "gamma"), (3,)),
+}
+_DEFAULTS = {"length": 2.0 * math.pi, "discretisation": "thesis"}
+_UNREADABLE = (ValueError, TypeError, EOFError, RuntimeError, struct.error, zlib.error, zipfile.BadZipFile)
+"""What zipfile and NumPy raise on damaged files."""
+_DISCRETISATIONS = ("thesis", "value-average")
+
+
+def export_npz(record: StateRecord, path: str | Path, overwrite: bool = False) -> None:
+    """Write a state's arrays (`ARRAYS`), scalars (`SCALARS`) and content_sha256.
+
+    The same record gives the same bytes. Raises StoreError when the file exists and is not to be overwritten,
+    or cannot be written.
+    """
+    import numpy as np
+
+    fields: dict[str, Any] = {name: getattr(record, name) for name in ARRAYS}
+    for name in SCALARS:
+        value = getattr(record, name)
+        fields[name] = np.asarray(UNKNOWN if value is None else value)
+    fields["content_sha256"] = np.asarray(content_sha256(record))
+    buffer = io.BytesIO()
+    np.savez(buffer, **fields)
+    write_atomic(path, buffer.getvalue(), overwrite=overwrite)
+
+
+def load_npz(path: str | Path) -> dict[str, Any]:
+    """Read a state's npz file: what `export_npz` writes, or less.
+
+    Needed are u (N,3), g (N,3), xi (N,), half_width and sigma. Returns those, `length` (2 pi unless given),
+    `discretisation` (thesis unless given), and those of `ARRAYS` that are there; arrays are float64, sigma
+    is +1 or -1. Raises StoreError, one line, for a file that is missing, damaged or does not hold a state.
+    Nothing is ever unpickled.
+    """
+    try:
+        with zipfile.ZipFile(path) as archive:
+            names = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
+            wanted = (*ARRAYS, "half_width", "sigma", *_DEFAULTS)
+            found = {name: _read_member(archive, names[name]) for name in wanted if name in names}
+        return _check(found)
+    except OSError as error:
+        raise StoreError(f"{path}: cannot be read: {error.strerror or error}") from error
+    except _UNREADABLE as error:
+        raise StoreError(f"{path}: not a state: {' '.join(str(error).split())}") from error
+
+
+def _read_member(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> np.ndarray[Any, Any]:
+    """Read one array, whose size is checked before anything is allocated. Raises ValueError."""
+    import numpy as np
+
+    if info.file_size > MAX_BYTES or info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+        raise ValueError(f"{info.filename} is too large, or packed in a way that NumPy does not use")
+    stream = io.BytesIO(archive.read(info))
+    version = np.lib.format.read_magic(stream)
+    read = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
+    if version not in read:
+        raise ValueError(f"{info.filename} has npy version {version}")
+    shape, fortran, dtype = read[version](stream)
+    data = stream.read()
+    if dtype.hasobject or dtype.kind not in "fiubU" or math.prod(shape) * dtype.itemsize != len(data):
+        raise ValueError(f"{info.filename} is not an array of numbers or text")
+    return np.frombuffer(data, dtype=dtype).reshape(shape, order="F" if fortran else "C")
+
+
+def _check(found: dict[str, np.ndarray[Any, Any]]) -> dict[str, Any]:
+    """Check shapes, ranges and that all is finite; return plain values. Raises ValueError."""
+    import numpy as np
+
+    missing = [name for name in ("u", "g", "xi", "half_width", "sigma") if name not in found]
+    if missing:
+        raise ValueError(f"it has no {', '.join(missing)}")
+    n = found["xi"].shape[0] if found["xi"].ndim else 0
+    if n < 3:
+        raise ValueError(f"xi has shape {found['xi'].shape}, expected (N,) with N at least 3")
+    state: dict[str, Any] = {}
+    for name in ARRAYS:
+        if name in found:
+            shape = tuple(n if dim == "N" else dim for dim in _SHAPES[name])
+            if found[name].shape != shape or found[name].dtype.kind not in "fiu":
+                raise ValueError(
+                    f"{name} is {found[name].dtype} {found[name].shape}, expected numbers {shape}"
+                )
+            state[name] = np.ascontiguousarray(found[name], dtype=np.float64)
+            if name in ("u", "g", "xi") and not np.isfinite(state[name]).all():
+                raise ValueError(f"{name} is not finite")
+    for name in ("half_width", "sigma", *_DEFAULTS):
+        state[name] = _scalar(name, found[name]) if name in found else _DEFAULTS[name]
+    if state["sigma"] not in (1, -1):
+        raise ValueError(f"sigma must be +1 or -1, got {state['sigma']}")
+    if state["discretisation"] not in _DISCRETISATIONS:
+        raise ValueError(
+            f"discretisation must be {' or '.join(_DISCRETISATIONS)}, got {state['discretisation']}"
+        )
+    return state | {"sigma": int(state["sigma"])}
+
+
+def _scalar(name: str, value: np.ndarray[Any, Any]) -> float | str:
+    """A scalar, positive and finite but for sigma and text. Raises ValueError."""
+    text = name == "discretisation"
+    if value.shape != () or (value.dtype.kind == "U") != text:
+        raise ValueError(
+            f"{name} is {value.dtype} {value.shape}, expected one {'text' if text else 'number'}"
+        )
+    if text:
+        return str(value.item())
+    number = float(value.item())
+    if name != "sigma" and not (math.isfinite(number) and number > 0):
+        raise ValueError(f"{name} must be positive and finite, got {number}")
+    return number

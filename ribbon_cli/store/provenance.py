@@ -1,0 +1,124 @@
+"""Which program made a state, where and when: facts of which each may be missing without harm."""
+
+from __future__ import annotations
+
+import os
+import platform
+import shlex
+import socket
+import subprocess
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from ribbon_cli.store.log import utc_now
+
+Facts = dict[str, str | int | float]
+
+PACKAGES = ("numpy", "scipy", "h5py", "qdldl", "click", "filelock")
+_THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS", "BLIS_NUM_THREADS")
+_GIT_SECONDS = 2.0
+
+
+def gather(argv: Sequence[str], config_folder: str | Path | None = None, **given: str | int | float) -> Facts:
+    """Return the provenance of what this process makes, under the keys of layout.PROVENANCE.
+
+    `config_folder` is where the config lies: its repository's revision is recorded if it has one. `given` are
+    facts that only the caller knows (`wall_seconds`, `cpu_seconds`, `peak_memory_bytes`, `started`). What
+    cannot be found is left out; nothing is raised. Everything but the start is found once a process.
+    """
+    facts: Facts = {"argv": shlex.join(map(str, argv)), "started": utc_now()}
+    facts |= _process_facts()
+    if config_folder is not None:
+        facts |= _git(os.path.abspath(config_folder))
+    facts |= given
+    return {key: _printable(value) if isinstance(value, str) else value for key, value in facts.items()}
+
+
+@lru_cache(maxsize=1)
+def _process_facts() -> Facts:
+    """What stays the same for a process."""
+    gatherers: tuple[Callable[[], Facts], ...] = (_machine, _versions, _hdf5, _blas, _threads)
+    facts: Facts = {}
+    for gatherer in gatherers:
+        # A fact that cannot be had must never cost a result: any kind of failure just leaves it out.
+        with suppress(Exception):
+            facts |= gatherer()
+    return facts
+
+
+def _machine() -> Facts:
+    """Machine and operating system."""
+    return {"hostname": socket.gethostname(), "machine": platform.machine(), "platform": platform.platform()}
+
+
+def _versions() -> Facts:
+    """Versions of Python and of the packages that results depend on."""
+    import importlib.metadata
+
+    facts: Facts = {"version_python": platform.python_version()}
+    for package in ("ribbon", *PACKAGES):
+        with suppress(importlib.metadata.PackageNotFoundError):
+            facts[f"version_{package}"] = importlib.metadata.version(package)
+    return facts
+
+
+def _hdf5() -> Facts:
+    """Version of the HDF5 library."""
+    import h5py
+
+    return {"version_hdf5": h5py.version.hdf5_version}
+
+
+def _blas() -> Facts:
+    """BLAS that NumPy was built with."""
+    import numpy as np
+
+    config: Any = np.show_config(mode="dicts")
+    blas = config["Build Dependencies"]["blas"]
+    return {"blas": f"{blas['name']} {blas['version']}"}
+
+
+def _threads() -> Facts:
+    """Threads that the environment allows BLAS, by the first variable that is set."""
+    for name in _THREADS:
+        if name in os.environ:
+            return {"blas_threads": f"{name}={os.environ[name]}"}
+    return {"blas_threads": "not set"}
+
+
+@lru_cache(maxsize=16)
+def _git(folder: str) -> Facts:
+    """Revision of the repository around a folder, if any, and whether tracked files differ from it."""
+    # The setting keeps a repository's own configuration from running a program of its choice. Inside a hook
+    # the environment names the hook's repository, which need not be this one.
+    command = ["git", "-c", "core.fsmonitor=false", "status", "--porcelain=v2", "--branch", "-uno"]
+    try:
+        done = subprocess.run(
+            command,
+            cwd=folder,
+            capture_output=True,
+            timeout=_GIT_SECONDS,
+            check=True,
+            stdin=subprocess.DEVNULL,
+            env=_environment_without_git() | {"GIT_OPTIONAL_LOCKS": "0", "LC_ALL": "C"},
+        )
+    except (OSError, subprocess.SubprocessError):
+        return {}
+    lines = done.stdout.decode(errors="replace").splitlines()
+    revisions = [line.split()[2] for line in lines if line.startswith("# branch.oid ")]
+    if not revisions or revisions[0] == "(initial)":
+        return {}
+    return {"git_revision": revisions[0], "git_dirty": int(any(not line.startswith("#") for line in lines))}
+
+
+def _environment_without_git() -> dict[str, str]:
+    """The environment less what would point git elsewhere."""
+    return {name: value for name, value in os.environ.items() if not name.startswith("GIT_")}
+
+
+def _printable(text: str) -> str:
+    """Text that UTF-8 can hold and that has no null characters."""
+    return text.encode("utf-8", "backslashreplace").decode().replace("\0", "\\0")

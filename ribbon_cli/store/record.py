@@ -1,0 +1,131 @@
+"""What the store keeps of a state, as frozen values that know no file.
+
+Arrays are float64 and C-contiguous after construction. N is the number of facets. Multipliers are
+normalised as lambda_i and gamma of Koldaev (2022), (1.58), with |u|^2 - 1. Everything is dimensionless
+but `half_width` and `length`, which share one unit of length.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+KINDS = ("equilibrium", "intermediate", "auxiliary", "saddle")
+"""Kinds of state, in the words of `ribbon ls`."""
+
+METRICS = ("euclidean", "physical")
+"""Metrics in which a spectrum may be given."""
+
+_UNKNOWNS = ("u", "g", "xi", "g_end")
+_MULTIPLIERS = ("lambda_1", "lambda_2", "lambda_3", "lambda_4", "lambda_5", "gamma")
+_GEOMETRY = ("midline", "kappa_s", "tau", "eta", "eta_prime")
+
+
+def _to_float64(instance: object, names: tuple[str, ...]) -> None:
+    """Replace the named fields of a frozen dataclass by contiguous float64 arrays."""
+    import numpy as np
+
+    for name in names:
+        object.__setattr__(instance, name, np.ascontiguousarray(getattr(instance, name), dtype=np.float64))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SpectrumRecord:
+    """Lowest k, or all, eigenpairs of the projected Hessian W_c, Koldaev (2022), (2.58), in one metric.
+
+    `values` (k,) ascend; `residuals` (k,) are their residual norms; `labels` (k,) name the modes
+    (`rotation`, `sliding`, ...); `sliding_overlap` (k,) lies in [0, 1]; `vectors` (m, N, 7) with m <= k
+    hold the lowest m modes as (u, g, xi) per node, or None. Raises ValueError for an unknown metric.
+    """
+
+    metric: str
+    complete: bool
+    values: Array
+    residuals: Array
+    labels: tuple[str, ...]
+    sliding_overlap: Array
+    vectors: Array | None = None
+
+    def __post_init__(self) -> None:
+        if self.metric not in METRICS:
+            raise ValueError(f"metric must be one of {', '.join(METRICS)}, got {self.metric!r}")
+        _to_float64(self, ("values", "residuals", "sliding_overlap"))
+        if self.vectors is not None:
+            _to_float64(self, ("vectors",))
+        object.__setattr__(self, "labels", tuple(str(label) for label in self.labels))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class StateRecord:
+    """One stored state with everything that is known of it; see docs/format.md for every field.
+
+    `label` counts 1, 2, 3, ... in the order stored. `g_end` (3,) is the ruling g_{N+1}: sigma g_1 when the
+    seam is closed, prescribed while it is open. `spectra` are kept in the order of their metrics' names.
+    `provenance` says which program made the state, where and when; it is no part of the scientific content.
+    Raises ValueError for an unknown kind, a label below 1 or two spectra in one metric.
+    """
+
+    label: int
+    kind: str
+    status: str
+    message: str
+    certified: bool
+    half_width: float
+    length: float
+    sigma: int
+    segments: int
+    half_twists: int
+    discretisation: str
+    stage: str
+    u: Array
+    g: Array
+    xi: Array
+    lambda_1: Array
+    lambda_2: Array
+    lambda_3: Array
+    lambda_4: Array
+    lambda_5: Array
+    gamma: Array
+    g_end: Array
+    energy: float
+    kkt_residual: float
+    constraint_residual: float
+    negative_eigenvalues: int | None
+    smallest_facet: float
+    inverted_facets: int
+    linking_number: float
+    twist: float
+    writhe: float
+    self_contact: bool
+    clearance: float
+    midline: Array
+    kappa_s: Array
+    tau: Array
+    eta: Array
+    eta_prime: Array
+    spectra: tuple[SpectrumRecord, ...] = ()
+    parent: int | None = None
+    parent_ref: str | None = None
+    method: str = ""
+    newton_steps: int = 0
+    events: tuple[str, ...] = ()
+    provenance: Mapping[str, str | int | float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.kind not in KINDS:
+            raise ValueError(f"kind must be one of {', '.join(KINDS)}, got {self.kind!r}")
+        if self.label < 1:
+            raise ValueError(f"labels start at 1, got {self.label}")
+        spectra = tuple(sorted(self.spectra, key=lambda spectrum: spectrum.metric))
+        if len({spectrum.metric for spectrum in spectra}) < len(spectra):
+            raise ValueError("a state holds at most one spectrum in each metric")
+        object.__setattr__(self, "spectra", spectra)
+        object.__setattr__(self, "events", tuple(str(event) for event in self.events))
+        _to_float64(self, _UNKNOWNS + _MULTIPLIERS + _GEOMETRY)

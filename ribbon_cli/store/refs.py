@@ -1,0 +1,163 @@
+"""From what a user types to a run or a state: `mobius-pi:12`, `mobius-pi@b=0.5,N=400`, a path."""
+
+from __future__ import annotations
+
+import difflib
+import math
+import os
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from ribbon_cli.errors import UsageError
+from ribbon_cli.store.folder import is_run
+from ribbon_cli.store.run import Run
+
+WIDTH_TOLERANCE = 1e-9
+"""Relative difference up to which `@b=` matches a half-width."""
+_FILES = (".h5", ".hdf5", ".npz")
+_SHOWN = 12
+"""Most names or values that a message lists."""
+
+
+def runs_root(option: str | None = None) -> Path:
+    """Folder of the runs: the option, else RIBBON_RUNS, else ./runs."""
+    return Path(option or os.environ.get("RIBBON_RUNS") or "runs")
+
+
+def list_runs(root: str | Path, aside: bool = False) -> list[Run]:
+    """Runs in a folder by name, those set aside only if asked; none if there is no such folder."""
+    try:
+        runs = [Run(path) for path in sorted(Path(root).iterdir()) if is_run(path)]
+    except FileNotFoundError:
+        return []
+    except OSError as error:
+        raise UsageError(f"{root}: cannot be read: {error.strerror}") from error
+    return [run for run in runs if aside or not run.is_aside]
+
+
+def suggest(word: str, known: Iterable[str]) -> str:
+    """Return "; did you mean ...?" for the nearest known words, or nothing."""
+    near = difflib.get_close_matches(word, list(dict.fromkeys(known)), n=3, cutoff=0.6)
+    return f"; did you mean {' or '.join(near)}?" if near else ""
+
+
+def find_run(root: str | Path, text: str) -> Run:
+    """Return the run that `text` names: by its folder's name, its own name, a unique prefix, or a path.
+
+    Raises UsageError when no run or more than one fits.
+    """
+    if os.sep in text:
+        return Run.open(text)
+    if text and is_run(Path(root) / text):
+        return Run(Path(root) / text)
+    runs = list_runs(root)
+    fitting = [run for run in runs if run.short_name == text] or [
+        run for run in runs if text and run.name.startswith(text)
+    ]
+    if len(fitting) == 1:
+        return fitting[0]
+    if fitting:
+        raise UsageError(f"{text!r} names more than one run: {_join(run.name for run in fitting)}")
+    if not runs:
+        raise UsageError(f"no run {text!r}: there are no runs in {root} (see --runs)")
+    near = suggest(text, [run.short_name for run in runs])
+    raise UsageError(f"no run {text!r} in {root}{near or ': it has ' + _join(run.name for run in runs)}")
+
+
+def resolve_state(root: str | Path, ref: str) -> tuple[Run | None, int | None, Path]:
+    """Return run, label and file of the state that a reference names.
+
+    `RUN:LABEL`; `RUN@b=0.5,N=400` (equilibria only, either part may be left out, of several the latest
+    certified, else the latest); or a path to a state's HDF5 or npz file, whose run and label are None
+    outside a run. Raises UsageError, saying what there is instead, when it names none.
+    """
+    if ref.endswith(_FILES) or Path(ref).is_file():
+        return _from_path(Path(ref))
+    name, at, query = ref.partition("@")
+    if at:
+        run = find_run(root, name)
+        label = _find_equilibrium(run, _parse_query(ref, query))
+        return run, label, run.state_path(label)
+    name, colon, text = ref.rpartition(":")
+    if not colon:
+        run = find_run(root, ref)
+        last = max(run.entries(), default=1)
+        raise UsageError(f"{ref!r} is a run: name one of its states, for instance {run.short_name}:{last}")
+    run = find_run(root, name)
+    label = _parse_label(ref, text)
+    labels = run.entries().keys()
+    if label not in labels:
+        has = f"{min(labels)} to {max(labels)}" if labels else "none yet"
+        raise UsageError(f"{run.name} has no state {label}: its labels are {has}")
+    return run, label, run.state_path(label)
+
+
+def _from_path(path: Path) -> tuple[Run | None, int | None, Path]:
+    """A file, with its run and label where it lies in a run."""
+    if not path.is_file():
+        raise UsageError(f"{path}: no such file")
+    folder = path.resolve().parent.parent
+    if is_run(folder):
+        run = Run(folder)
+        label = run.label_of(path)
+        if label is not None:
+            return run, label, path
+    return None, None, path
+
+
+def _parse_label(ref: str, text: str) -> int:
+    """A label as typed. Raises UsageError."""
+    if not (text.isascii() and text.isdigit()):
+        raise UsageError(f"{ref!r}: a label is a whole number, as in RUN:12, got {text!r}")
+    return int(text)
+
+
+def _parse_query(ref: str, query: str) -> dict[str, float]:
+    """The parts of `b=0.5,N=400`. Raises UsageError."""
+    wanted: dict[str, float] = {}
+    for part in query.split(","):
+        key, _, text = (piece.strip() for piece in part.partition("="))
+        if key not in ("b", "N") or key in wanted:
+            raise UsageError(f"{ref!r}: expected RUN@b=...,N=..., got {part!r}")
+        try:
+            wanted[key] = float(text) if key == "b" else int(text)
+        except ValueError:
+            raise UsageError(f"{ref!r}: {key} must be a number, got {text!r}") from None
+        if not math.isfinite(wanted[key]):
+            raise UsageError(f"{ref!r}: {key} must be finite, got {text!r}")
+    return wanted
+
+
+def _find_equilibrium(run: Run, wanted: dict[str, float]) -> int:
+    """Label of the latest certified equilibrium that fits, else of the latest. Raises UsageError."""
+    states = run.states()
+    if not states:
+        raise UsageError(
+            f"{run.name} has no equilibria yet; `ribbon ls {run.short_name} --all` lists its states"
+        )
+    at_width = [state for state in states if _has_width(state, wanted.get("b"))]
+    if not at_width:
+        widths = _join(f"{b:.10g}" for b in sorted({state["half_width"] for state in states}))
+        raise UsageError(f"{run.name} has no equilibrium with b = {wanted['b']:.10g}: it has b = {widths}")
+    fitting = [state for state in at_width if state["segments"] == wanted.get("N", state["segments"])]
+    if not fitting:
+        segments = _join(map(str, sorted({state["segments"] for state in at_width})))
+        where = f"b = {wanted['b']:.10g} and " if "b" in wanted else ""
+        raise UsageError(
+            f"{run.name} has no equilibrium with {where}N = {wanted['N']}: it has N = {segments}"
+        )
+    certified = [state for state in fitting if state["certified"]]
+    return int((certified or fitting)[-1]["label"])
+
+
+def _has_width(state: dict[str, Any], b: float | None) -> bool:
+    """Whether a state has the half-width asked for."""
+    return b is None or abs(state["half_width"] - b) <= WIDTH_TOLERANCE * abs(b)
+
+
+def _join(words: Iterable[str]) -> str:
+    """List words, the first few of many."""
+    words = list(words)
+    more = f" and {len(words) - _SHOWN} more" if len(words) > _SHOWN else ""
+    return ", ".join(words[:_SHOWN]) + more

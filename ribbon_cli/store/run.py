@@ -1,0 +1,292 @@
+"""A run: one folder with the config, an append-only log and one immutable file a state.
+
+A state is committed once its file is durable and its log line is. A kill between the two leaves a whole
+file without a line; the next writer adopts it. The states are the truth: the log can be rebuilt from them.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import os
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+from ribbon_cli.errors import StoreError, UsageError
+from ribbon_cli.store import log
+from ribbon_cli.store.atomic import sync_folder, write_atomic, write_error
+from ribbon_cli.store.folder import (
+    CONFIG,
+    LOG,
+    RESOLVED,
+    RUN_FORMAT_VERSION,
+    STATES,
+    create,
+    is_run,
+    label_of,
+    remove_abandoned,
+    state_entry,
+    state_name,
+)
+from ribbon_cli.store.hdf5 import decode_bytes, encode, read_bytes
+from ribbon_cli.store.lock import RunLock
+from ribbon_cli.store.record import StateRecord
+from ribbon_cli.store.recovery import rebuild, sweep
+from ribbon_cli.store.summaries import summary
+
+_NAME = re.compile(r"\w[\w.-]*")
+_HASH = re.compile(r"[0-9a-f]{8}")
+_FOLDER = re.compile(r"(?P<name>.+)-[0-9a-f]{8}(?P<aside>\.old-\d+)?")
+
+
+class Run:
+    """A run's folder. Reading needs no lock and never waits; writing happens inside `writing()`."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._lock = RunLock(path)
+        self._next = 0
+
+    @classmethod
+    def open(cls, path: str | Path) -> Run:
+        """Open an existing run. Raises UsageError when the folder is not one."""
+        path = Path(path)
+        if not is_run(path):
+            raise UsageError(f"{path}: not a run folder (it has no {RESOLVED})")
+        return cls(path)
+
+    @classmethod
+    def create_or_open(
+        cls, root: str | Path, name: str, hash8: str, config_text: str, resolved_text: str
+    ) -> Run:
+        """Open the run `root/NAME-HASH8`, made first when there is none: nothing, or a complete run.
+
+        `hash8` is of the resolved config's scientific part, so that the same config finds its run again.
+        Raises UsageError for a name that cannot be a folder or a reference, StoreError when it cannot be
+        written.
+        """
+        if not _NAME.fullmatch(name) or len(name.encode()) > 200:
+            raise UsageError(
+                f"name: must be letters, digits, '.', '_' and '-', at most 200 bytes, got {name!r}"
+            )
+        if not _HASH.fullmatch(hash8):
+            raise ValueError(f"hash8 must be 8 hexadecimal digits, got {hash8!r}")
+        root = Path(root)
+        path = root / f"{name}-{hash8}"
+        if is_run(path):
+            return cls(path)
+        try:
+            root.mkdir(parents=True, exist_ok=True)
+            remove_abandoned(root)
+            create(path, {CONFIG: config_text.encode(), RESOLVED: resolved_text.encode()})
+        except OSError as error:
+            raise write_error(path, error) from error
+        return cls.open(path)
+
+    @property
+    def name(self) -> str:
+        """The folder's name, NAME-HASH8."""
+        return self.path.name
+
+    @property
+    def short_name(self) -> str:
+        """The name that the config gives."""
+        match = _FOLDER.fullmatch(self.name)
+        return match["name"] if match else self.name
+
+    @property
+    def is_aside(self) -> bool:
+        """Whether the run was set aside by a fresh start."""
+        match = _FOLDER.fullmatch(self.name)
+        return bool(match and match["aside"])
+
+    @property
+    def log_path(self) -> Path:
+        """The log's file."""
+        return self.path / LOG
+
+    def state_path(self, label: int) -> Path:
+        """The file of a state."""
+        return self.path / state_name(label)
+
+    def label_of(self, path: str | Path) -> int | None:
+        """Label of a state's file by its name, None when it is not one of this run's."""
+        path = Path(path)
+        return label_of(path) if path.resolve().parent == (self.path / STATES).resolve() else None
+
+    # Reading
+
+    def events(self) -> list[dict[str, Any]]:
+        """Every entry of the log in order, states included.
+
+        Raises StoreError for a damaged log, or a run of a newer format.
+        """
+        entries = log.read_log(self.log_path)
+        for entry in entries:
+            version = str(entry.get("format_version", RUN_FORMAT_VERSION))
+            if entry["event"] == "created" and version.split(".")[0] != RUN_FORMAT_VERSION.split(".")[0]:
+                raise StoreError(
+                    f"{self.path}: run of format {version}, this is {RUN_FORMAT_VERSION}: update ribbon"
+                )
+        return entries
+
+    def entries(self) -> dict[int, dict[str, Any]]:
+        """The log's entry of every state by label, ascending. Raises StoreError as `events` does."""
+        found = {entry["state"]["label"]: entry for entry in self.events() if entry["event"] == "state"}
+        return dict(sorted(found.items()))
+
+    def states(self, all: bool = False) -> list[dict[str, Any]]:
+        """Summaries of the equilibria, or of all states, in the order reached; opens no state file."""
+        summaries = (summary(entry, self.name) for entry in self.entries().values())
+        return [state for state in summaries if all or state["kind"] == "equilibrium"]
+
+    def load(self, label: int) -> StateRecord:
+        """Read a state.
+
+        Raises UsageError for a label that the run does not have, StoreError when the file is not the one
+        committed.
+        """
+        return self._load(label, self.entries())
+
+    def check_file(self, label: int) -> None:
+        """Check a state's file against the log and the log's summary against the file. Raises StoreError."""
+        entries = self.entries()
+        record = self._load(label, entries)
+        if summary(record) != summary(entries[label]):
+            raise StoreError(
+                f"{self.log_path}: its line on state {label} is not what {self.state_path(label)} holds"
+            )
+
+    def _load(self, label: int, entries: dict[int, dict[str, Any]]) -> StateRecord:
+        """Read a state whose entry is among `entries`; the hash is checked before HDF5 sees a byte."""
+        if label not in entries:
+            has = f"labels {min(entries)} to {max(entries)}" if entries else "no states yet"
+            raise UsageError(f"{self.name}: no state {label}; the run has {has}")
+        path = self.state_path(label)
+        data = read_bytes(path)
+        if hashlib.sha256(data).hexdigest() != entries[label]["sha256"]:
+            raise StoreError(
+                f"{path}: damaged: not the bytes that were committed; `ribbon verify` tells more"
+            )
+        record = decode_bytes(data, str(path))
+        if record.label != label:
+            raise StoreError(f"{path}: damaged: it holds state {record.label}")
+        return record
+
+    # Writing
+
+    @contextmanager
+    def writing(self) -> Iterator[Run]:
+        """Hold the run's lock, with leftovers of a killed writer cleared first; may be nested.
+
+        Raises LockedError, naming pid and host, when another process writes; StoreError for a damaged log.
+        """
+        if self._lock.held:
+            yield self
+            return
+        with self._locked():
+            sweep(self.path)
+            self._next = self._find_next_label()
+            yield self
+
+    @property
+    def next_label(self) -> int:
+        """Label that the next commit must have."""
+        return self._next if self._lock.held else self._find_next_label()
+
+    def commit(self, record: StateRecord) -> int:
+        """Store a state and return its label; when this returns, the state survives a kill and a power cut.
+
+        Raises ValueError unless `record.label` is `next_label`; StoreError when it cannot be written, and
+        then the run is as before.
+        """
+        self._require_lock()
+        if record.label != self._next:
+            raise ValueError(f"the next state of {self.name} is {self._next}, got label {record.label}")
+        data = encode(record)
+        path = self.state_path(record.label)
+        write_atomic(path, data)
+        try:
+            log.append_log(self.log_path, [state_entry(record, data)])
+        except StoreError:
+            self._take_back(record.label)
+            raise
+        self._next += 1
+        return record.label
+
+    def _take_back(self, label: int) -> None:
+        """Remove a state's file whose line could not be written, if the log can be seen to lack it."""
+        with suppress(OSError, StoreError):
+            if label not in self.entries():
+                os.unlink(self.state_path(label))
+
+    def log_event(self, kind: str, **data: Any) -> None:
+        """Append an event with JSON-able data to the log, durably. Raises StoreError."""
+        self._require_lock()
+        if kind == "state" or {"event", "time"} & data.keys():
+            raise ValueError(f"event {kind!r} uses a name that the log reserves")
+        log.append_log(self.log_path, [{"event": kind, "time": log.utc_now(), **data}])
+
+    def sweep(self) -> list[str]:
+        """Clear what a killed writer left, and say what was done; `writing()` does so on entry."""
+        with self._locked():
+            return sweep(self.path)
+
+    def set_aside(self) -> Path:
+        """Rename the folder to NAME-HASH8.old-K, so that a fresh run can take its name; return the new path.
+
+        Raises LockedError when another process writes to it, StoreError when it cannot be renamed.
+        """
+        with self._locked():
+            for k in itertools.count(1):
+                target = self.path.with_name(f"{self.name}.old-{k}")
+                if not os.path.lexists(target):
+                    break
+            try:
+                os.rename(self.path, target)
+                self.path = self._lock.folder = target
+                sync_folder(target.parent)
+            except OSError as error:
+                raise write_error(target, error) from error
+        return target
+
+    def rebuild_index(self) -> list[str]:
+        """Rebuild the log from the states, keeping every line that can be read, and say what was done.
+
+        The log before it, if there was one, is kept as log.jsonl.old-K. A state that the log names and that
+        has no file becomes an event `state-lost`. Raises LockedError, StoreError.
+        """
+        with self._locked():
+            notes = rebuild(self.path)
+            self._next = self._find_next_label()
+            return notes
+
+    @contextmanager
+    def _locked(self) -> Iterator[None]:
+        """Hold the lock, or go on holding it."""
+        if self._lock.held:
+            yield
+            return
+        self._lock.acquire()
+        try:
+            yield
+        finally:
+            self._lock.release()
+
+    def _require_lock(self) -> None:
+        """Guard against writing without the lock, which is a mistake of the program."""
+        if not self._lock.held:
+            raise RuntimeError(f"{self.name}: writing needs `with run.writing():`")
+
+    def _find_next_label(self) -> int:
+        """One more than any label that the log names; a lost state's is not used again."""
+        labels = [0]
+        for entry in self.events():
+            if entry["event"] == "state":
+                labels.append(entry["state"]["label"])
+            elif entry["event"] == "state-lost":
+                labels.append(entry["label"])
+        return max(labels) + 1

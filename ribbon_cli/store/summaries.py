@@ -1,0 +1,43 @@
+"""A state in a few JSON-able words: what `ribbon ls`, `ribbon show` and the log say about it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from ribbon_cli.store.layout import STATE
+from ribbon_cli.store.log import to_json
+from ribbon_cli.store.record import StateRecord
+
+_TOPOLOGY = ("half_twists", "sigma")
+
+
+def summary(source: StateRecord | Mapping[str, Any], run: str | None = None) -> dict[str, Any]:
+    """Return the summary of a record, or of a state's entry in the log, for the run named.
+
+    Keys are the record's fields marked in layout.py, in that order, with `half_twists` and `sigma` together
+    under `topology`, and `run` and `content_sha256`. Not-a-number is None. Both sources give the same.
+    """
+    state = describe(source) if isinstance(source, StateRecord) else source["state"]
+    return {"run": run, **state}
+
+
+def describe(record: StateRecord) -> dict[str, Any]:
+    """Summary of a record without the run's name."""
+    from ribbon_cli.store.content import content_sha256
+
+    state: dict[str, Any] = {}
+    for item in STATE:
+        if item.field in _TOPOLOGY:
+            state.setdefault("topology", {})[item.field] = getattr(record, item.field)
+        elif item.summary:
+            state[item.field] = _scalar(getattr(record, item.field), item.dtype)
+    state["content_sha256"] = content_sha256(record)
+    return dict(to_json(state))
+
+
+def _scalar(value: Any, dtype: str) -> Any:
+    """Python's own scalar for a NumPy one; None and texts as they are."""
+    if value is None or dtype == "utf-8":
+        return value
+    return {"float64": float, "int64": int, "bool": bool}[dtype](value)

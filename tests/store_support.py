@@ -1,0 +1,94 @@
+"""Records for the tests of the store: right in shape, random in content."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ribbon_cli.store import Run, SpectrumRecord, StateRecord
+
+CONFIG = "name: mobius\n"
+RESOLVED = "name: mobius\nlength: 6.283185307179586\n"
+
+
+def make_spectrum(
+    rng: np.random.Generator, n: int, metric: str, k: int = 6, m: int | None = 6
+) -> SpectrumRecord:
+    return SpectrumRecord(
+        metric=metric,
+        complete=False,
+        values=np.sort(rng.normal(size=k)),
+        residuals=rng.random(k) * 1e-12,
+        labels=("rotation", "rotation", "rotation", "sliding", "Lk ≠ 0", "")[:k],
+        sliding_overlap=rng.random(k),
+        vectors=None if m is None else rng.normal(size=(m, n, 7)),
+    )
+
+
+def make_record(label: int = 1, n: int = 10, **changes: Any) -> StateRecord:
+    rng = np.random.default_rng(label)
+    names = (
+        "xi",
+        "lambda_1",
+        "lambda_2",
+        "lambda_3",
+        "lambda_4",
+        "lambda_5",
+        "kappa_s",
+        "tau",
+        "eta",
+        "eta_prime",
+    )
+    arrays = {name: rng.normal(size=n) for name in names}
+    arrays |= {name: rng.normal(size=(n, 3)) for name in ("u", "g")}
+    arrays |= {name: rng.normal(size=3) for name in ("gamma", "g_end")}
+    fields: dict[str, Any] = dict(
+        label=label,
+        kind="equilibrium",
+        status="minimum",
+        message="A certified minimum: κ changes sign once.",
+        certified=True,
+        half_width=0.5,
+        length=2 * math.pi,
+        sigma=-1,
+        segments=n,
+        half_twists=1,
+        discretisation="thesis",
+        stage="b = 0.5",
+        energy=5.151432747,
+        kkt_residual=3e-13,
+        constraint_residual=1e-15,
+        negative_eigenvalues=0,
+        smallest_facet=0.25,
+        inverted_facets=0,
+        linking_number=0.5,
+        twist=0.375,
+        writhe=0.125,
+        self_contact=False,
+        clearance=0.75,
+        midline=rng.normal(size=(n + 1, 3)),
+        spectra=(make_spectrum(rng, n, "physical"), make_spectrum(rng, n, "euclidean", m=None)),
+        parent=None if label == 1 else label - 1,
+        parent_ref=None,
+        method="natural continuation",
+        newton_steps=5,
+        events=("grid phase", "step halved"),
+        provenance={"argv": "ribbon solve mobius.yaml", "wall_seconds": 1.25, "git_dirty": 0},
+        **arrays,
+    )
+    return StateRecord(**(fields | changes))
+
+
+def make_run(root: Path, states: int = 0, name: str = "mobius", hash8: str = "0123abcd") -> Run:
+    run = Run.create_or_open(root, name, hash8, CONFIG, RESOLVED)
+    with run.writing():
+        for label in range(1, states + 1):
+            run.commit(make_record(label))
+    return run
+
+
+def relative_files(folder: Path) -> set[str]:
+    return {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}

@@ -1,0 +1,225 @@
+"""State files: exact, deterministic, readable by others, and as docs/format.md says."""
+
+from __future__ import annotations
+
+import math
+import re
+import subprocess
+import sys
+import time
+from dataclasses import fields, replace
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from store_support import make_record, make_spectrum
+
+from ribbon_cli.store import (
+    SpectrumRecord,
+    StateRecord,
+    content_sha256,
+    decode,
+    encode,
+    layout_markdown,
+    summary,
+    write_atomic,
+)
+from ribbon_cli.store.layout import SPECTRUM, STATE
+
+FORMAT_PAGE = Path(__file__).parent.parent / "docs" / "format.md"
+
+
+def assert_same(a: object, b: object) -> None:
+    for field in fields(a):
+        x, y = getattr(a, field.name), getattr(b, field.name)
+        if isinstance(x, np.ndarray):
+            assert x.dtype == y.dtype
+            assert x.shape == y.shape
+            assert x.tobytes() == y.tobytes()
+        elif field.name == "spectra":
+            assert len(x) == len(y)
+            for s, t in zip(x, y, strict=True):
+                assert_same(s, t)
+        else:
+            assert x == y or (math.isnan(x) and math.isnan(y))
+            assert type(x) is type(y)
+
+
+@pytest.fixture
+def stored(tmp_path):
+    def store(record: StateRecord) -> Path:
+        path = tmp_path / "state.h5"
+        write_atomic(path, encode(record), overwrite=True)
+        return path
+
+    return store
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"negative_eigenvalues": None, "certified": False, "status": "not-finite"},
+        {"energy": math.nan, "clearance": math.inf, "xi": np.full(10, np.nan), "twist": -0.0},
+        {"parent": 7, "parent_ref": "möbius:3", "events": (), "spectra": (), "provenance": {}, "message": ""},
+        {"spectra": (make_spectrum(np.random.default_rng(0), 10, "euclidean", k=6, m=2),)},
+        {"provenance": {"version_numpy": "2.0", "bytes": 2**40, "seconds": 1e-300, "empty": ""}},
+    ],
+)
+def test_round_trip_is_exact(stored, changes):
+    record = make_record(**changes)
+    assert_same(decode(stored(record)), record)
+
+
+def test_empty_spectrum_round_trips(stored):
+    none = np.zeros(0)
+    spectrum = SpectrumRecord(
+        metric="physical", complete=False, values=none, residuals=none, labels=(), sliding_overlap=none
+    )
+    record = make_record(spectra=(spectrum,))
+    assert_same(decode(stored(record)), record)
+
+
+def test_the_same_record_gives_the_same_bytes_at_another_time_and_in_another_process():
+    first = encode(make_record())
+    time.sleep(1.1)  # HDF5's times count seconds
+    assert encode(make_record()) == first
+    code = "import sys; from store_support import *; from ribbon_cli.store import encode;"
+    code += "sys.stdout.buffer.write(encode(make_record()))"
+    here = str(Path(__file__).parent)
+    other = subprocess.run([sys.executable, "-c", code], cwd=here, capture_output=True, check=True)
+    assert other.stdout == first
+
+
+def test_reencoding_what_was_read_gives_the_same_bytes(stored):
+    path = stored(make_record())
+    assert encode(decode(path)) == path.read_bytes()
+
+
+def test_content_hash_leaves_provenance_out_and_nothing_else():
+    record = make_record()
+    first = content_sha256(record)
+    assert content_sha256(replace(record, provenance={"argv": "another", "extra": 3})) == first
+    seen = {first}
+    changes = [
+        {"label": 2},
+        {"energy": np.nextafter(record.energy, 9)},
+        {"message": record.message + " "},
+        {"negative_eigenvalues": None},
+        {"certified": False},
+        {"events": ("grid phasestep halved",)},
+        {"spectra": record.spectra[:1]},
+        {"u": record.u * -1},
+        {"twist": -record.twist},
+    ]
+    for change in changes:
+        seen.add(content_sha256(replace(record, **change)))
+    assert len(seen) == len(changes) + 1
+
+
+def test_root_attributes_and_description_of_every_dataset(stored):
+    record = make_record(n=50)
+    path = stored(record)
+    with h5py.File(path) as file:
+        assert file.attrs["format"] == b"ribbon-state"
+        assert file.attrs["format_version"] == b"1.0"
+        assert file.attrs["content_sha256"].decode() == content_sha256(record)
+        paths = []
+
+        def check(name: str, node: h5py.HLObject) -> None:
+            if not isinstance(node, h5py.Dataset):
+                return
+            paths.append("/" + name)
+            assert node.attrs["units"] == b"1"
+            assert len(node.attrs["description"]) > 4
+            assert len(node.attrs["equation"]) > 3
+            if node.shape:
+                assert node.fletcher32
+            assert (node.compression == "gzip") == (node.size > 64)
+
+        file.visititems(check)
+        np.testing.assert_array_equal(file["state/u"][()], record.u)
+        assert file["certificate/certified"][()] is np.True_
+    expected = [item.path for item in STATE if item.field not in ("parent", "parent_ref")]
+    assert {path for path in paths if not path.startswith(("/spectra", "/provenance"))} == set(expected)
+
+
+def test_table_covers_every_field_of_the_records():
+    state = {item.field for item in STATE} | {"spectra", "provenance"}
+    assert state == {field.name for field in fields(StateRecord)}
+    assert {item.field for item in SPECTRUM} | {"metric"} == {field.name for field in fields(SpectrumRecord)}
+    assert all(
+        item.equation == "none" or any(c.isdigit() or c == "=" for c in item.equation) for item in STATE
+    )
+
+
+def test_documented_table_is_the_code_s():
+    page = FORMAT_PAGE.read_text(encoding="utf-8")
+    table = page.split("<!-- layout:begin -->\n")[1].split("<!-- layout:end -->")[0]
+    assert table == layout_markdown()
+
+
+def test_documented_hash_is_the_code_s(stored):
+    page = FORMAT_PAGE.read_text(encoding="utf-8")
+    code = re.search(r"```python\n(.*?)```", page, re.DOTALL)[1]
+    space: dict = {}
+    exec(code, space)
+    record = make_record(n=30, parent=3)
+    assert space["content_sha256"](stored(record)) == content_sha256(record)
+
+
+def test_arrays_become_contiguous_float64():
+    record = make_record(u=np.asfortranarray(np.ones((10, 3), dtype=np.float32)), xi=list(range(10)))
+    assert record.u.dtype == record.xi.dtype == np.float64
+    assert record.u.flags.c_contiguous
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"g": np.zeros((9, 3))}, r"/state/g has shape \(9, 3\), expected \(N, 3\) = \(10, 3\)"),
+        ({"midline": np.zeros((10, 3))}, "/geometry/midline has shape"),
+        ({"sigma": -0.5}, "/topology/sigma must be int64"),
+        ({"status": "a\0b"}, "null character"),
+        ({"provenance": {"Bad Key": 1}}, "lower-case"),
+        ({"provenance": {"key": None}}, "must be str, int or float"),
+        ({"spectra": (make_spectrum(np.random.default_rng(0), 10, "physical", k=3, m=4),)}, "4 modes for 3"),
+        ({"spectra": (make_spectrum(np.random.default_rng(0), 9, "physical"),)}, "vectors has shape"),
+    ],
+)
+def test_what_does_not_fit_the_table_is_not_written(changes, message):
+    with pytest.raises(ValueError, match=message):
+        encode(make_record(**changes))
+
+
+@pytest.mark.parametrize(
+    "changes", [{"kind": "equilibria"}, {"label": 0}, {"spectra": make_record().spectra[:1] * 2}]
+)
+def test_records_check_themselves(changes):
+    with pytest.raises(ValueError, match=r"kind must|labels start|at most one"):
+        make_record(**changes)
+
+
+def test_unknown_metric_is_refused():
+    with pytest.raises(ValueError, match="metric must be one of"):
+        make_spectrum(np.random.default_rng(0), 10, "h1")
+
+
+def test_summary_has_the_promised_fields_and_is_json():
+    state = summary(make_record(clearance=math.nan, negative_eigenvalues=None), run="mobius-0123abcd")
+    promised = """half_width segments length topology energy status kkt_residual constraint_residual
+        negative_eigenvalues linking_number twist writhe self_contact label run kind discretisation
+        content_sha256 certified message stage parent method newton_steps inverted_facets smallest_facet
+        clearance events"""
+    assert set(promised.split()) <= state.keys()
+    assert state["topology"] == {"half_twists": 1, "sigma": -1}
+    assert state["clearance"] is None
+    assert state["negative_eigenvalues"] is None
+    assert state["events"] == ["grid phase", "step halved"]
+    assert state["run"] == "mobius-0123abcd"
+
+
+def test_importing_the_store_is_light():
+    code = "import ribbon_cli.store, sys; sys.exit(bool({'numpy', 'h5py', 'filelock'} & sys.modules.keys()))"
+    subprocess.run([sys.executable, "-c", code], check=True)
