@@ -1,4 +1,4 @@
-"""Inertia of the KKT matrix by block cyclic reduction: the certificate's count.
+"""Block cyclic reduction of the KKT matrix: the certificate's inertia, and solutions of last resort.
 
 Ordered node by node (7 unknowns and 5 rows each) the KKT matrix is cyclic block-tridiagonal with a
 narrow border (closure, gauge). Every second node is eliminated at once, log2 N times, with 12 x 12
@@ -11,12 +11,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..model.band import Array
-from ..model.constraints import PER_NODE
-from .kkt import KKTMatrix
+from .kkt import BLOCK, KKTMatrix
 
-BLOCK = 7 + PER_NODE
 TRUSTED_GAP = 1e-11
 """Smallest pivot eigenvalue, relative to its block's largest entry before elimination, whose sign is
 trusted: four orders above roundoff of one elimination step."""
@@ -39,36 +38,6 @@ class Inertia:
         return self.gap > TRUSTED_GAP
 
 
-def _blocks(matrix: KKTMatrix) -> tuple[Array, Array, Array, Array]:
-    """Diagonal (N,12,12), coupling to the next node (N,12,12), border (N,12,c) and corner (c,c)."""
-    n = matrix.size // 7
-    total = matrix.size + matrix.border
-    position = np.empty(total, dtype=np.int64)
-    node = np.arange(n)[:, None]
-    position[: matrix.size] = (BLOCK * node + np.arange(7)).ravel()
-    position[matrix.size : matrix.size + PER_NODE * n] = (BLOCK * node + 7 + np.arange(PER_NODE)).ravel()
-    tail = BLOCK * n
-    position[matrix.size + PER_NODE * n :] = np.arange(tail, total)
-    upper = matrix.upper.tocoo()
-    row, column, value = position[upper.row], position[upper.col], upper.data
-    off = row != column
-    row, column = np.concatenate((row, column[off])), np.concatenate((column, row[off]))
-    value = np.concatenate((value, value[off]))
-    inside = (row < tail) & (column < tail)
-    edge = (row < tail) & (column >= tail)
-    width = total - tail
-    border = np.zeros((n, BLOCK, width))
-    border[row[edge] // BLOCK, row[edge] % BLOCK, column[edge] - tail] = value[edge]
-    row, column, value = row[inside], column[inside], value[inside]
-    owner, other = row // BLOCK, column // BLOCK
-    diagonal, coupling = np.zeros((n, BLOCK, BLOCK)), np.zeros((n, BLOCK, BLOCK))
-    here = owner == other
-    diagonal[owner[here], row[here] % BLOCK, column[here] % BLOCK] = value[here]
-    forward = ~here & (other == (owner + 1) % n)
-    coupling[owner[forward], row[forward] % BLOCK, column[forward] % BLOCK] = value[forward]
-    return diagonal, coupling, border, np.zeros((width, width))
-
-
 def _pivot(blocks: Array) -> tuple[Array, Array, int, float]:
     """Congruence V^T D V = diag(1/inverse) of symmetric blocks: V, inverse, negatives and relative gap.
 
@@ -88,37 +57,95 @@ def _pivot(blocks: Array) -> tuple[Array, Array, int, float]:
     return vectors * scale[..., :, None], inverse, int((values < 0).sum()), gap
 
 
+@dataclass(frozen=True)
+class _Level:
+    """One sweep: the nodes eliminated, their neighbours, and what is needed to solve."""
+
+    gone: NDArray[np.int64]
+    left: NDArray[np.int64]
+    right: NDArray[np.int64]
+    kept: NDArray[np.int64]
+    vectors: Array
+    inverse: Array
+    into_left: Array
+    into_right: Array
+    into_border: Array
+
+
+class BlockReduction:
+    """K - shift M eliminated node by node; `inertia` counts eigenvalues of W_c below `shift`."""
+
+    def __init__(self, matrix: KKTMatrix, shift: float = 0.0) -> None:
+        blocks = matrix.node_blocks
+        self._position = blocks.position
+        diagonal, coupling, border = blocks.diagonal.copy(), blocks.coupling.copy(), blocks.border.copy()
+        corner = np.zeros((border.shape[2], border.shape[2]))
+        if shift:
+            unknowns = np.arange(7)
+            diagonal[:, unknowns, unknowns] -= shift * (matrix.scale[: matrix.size] ** 2).reshape(-1, 7)
+        self._levels: list[_Level] = []
+        negative, gap = 0, np.inf
+        while diagonal.shape[0] > 2:
+            n = diagonal.shape[0]
+            gone = np.arange(1, n - 1 if n % 2 else n, 2)
+            left, right = gone - 1, (gone + 1) % n
+            vectors, inverse, count, narrow = _pivot(diagonal[gone])
+            negative += count
+            gap = min(gap, narrow)
+            into_left = coupling[left] @ vectors
+            into_right = np.swapaxes(coupling[gone], 1, 2) @ vectors
+            into_border = np.swapaxes(border[gone], 1, 2) @ vectors
+            scaled_left, scaled_right = into_left * inverse[:, None, :], into_right * inverse[:, None, :]
+            t_right, t_border = np.swapaxes(into_right, 1, 2), np.swapaxes(into_border, 1, 2)
+            diagonal[left] -= scaled_left @ np.swapaxes(into_left, 1, 2)
+            diagonal[right] -= scaled_right @ t_right
+            border[left] -= scaled_left @ t_border
+            border[right] -= scaled_right @ t_border
+            corner -= ((into_border * inverse[:, None, :]) @ t_border).sum(axis=0)
+            coupling[left] = -scaled_left @ t_right
+            kept = np.setdiff1d(np.arange(n), gone, assume_unique=True)
+            self._levels.append(
+                _Level(gone, left, right, kept, vectors, inverse, into_left, into_right, into_border)
+            )
+            diagonal, coupling, border = diagonal[kept], coupling[kept], border[kept]
+        self._width = corner.shape[0]
+        vectors, inverse, count, narrow = _pivot(_join(diagonal, coupling, border, corner)[None])
+        self._last = (vectors[0], inverse[0])
+        self.inertia = Inertia(negative + count - matrix.border, min(gap, narrow))
+
+    def solve(self, rhs: Array) -> Array:
+        """Solve the scaled system for rhs (n+m+r,)."""
+        ordered = np.empty_like(rhs)
+        ordered[self._position] = rhs
+        inner = ordered.size - self._width
+        b, edge = ordered[:inner].reshape(-1, BLOCK, 1), ordered[inner:].copy()
+        stack = []
+        for level in self._levels:
+            y = np.swapaxes(level.vectors, 1, 2) @ b[level.gone]
+            w = level.inverse[:, :, None] * y
+            b[level.left] -= level.into_left @ w
+            b[level.right] -= level.into_right @ w
+            edge -= (level.into_border @ w).sum(axis=0)[:, 0]
+            stack.append(y)
+            b = b[level.kept]
+        vectors, inverse = self._last
+        rest = vectors @ (inverse * (vectors.T @ np.concatenate((b.ravel(), edge))))
+        x, edge = rest[: b.size].reshape(-1, BLOCK, 1), rest[b.size :]
+        for level, y in zip(reversed(self._levels), reversed(stack), strict=True):
+            full = np.empty((level.gone.size + level.kept.size, BLOCK, 1))
+            full[level.kept] = x
+            known = np.swapaxes(level.into_left, 1, 2) @ full[level.left]
+            known += np.swapaxes(level.into_right, 1, 2) @ full[level.right]
+            known += (np.swapaxes(level.into_border, 1, 2) @ edge)[:, :, None]
+            full[level.gone] = level.vectors @ (level.inverse[:, :, None] * (y - known))
+            x = full
+        out: Array = np.concatenate((x.ravel(), edge))[self._position]
+        return out
+
+
 def inertia(matrix: KKTMatrix, shift: float = 0.0) -> Inertia:
     """Count the eigenvalues of the projected Hessian below `shift` by block cyclic reduction."""
-    diagonal, coupling, border, corner = _blocks(matrix)
-    if shift:
-        unknowns = np.arange(7)
-        diagonal[:, unknowns, unknowns] -= shift * (matrix.scale[: matrix.size] ** 2).reshape(-1, 7)
-    negative, gap = 0, np.inf
-    while diagonal.shape[0] > 2:
-        n = diagonal.shape[0]
-        gone = np.arange(1, n - 1 if n % 2 else n, 2)
-        left, right = gone - 1, (gone + 1) % n
-        vectors, inverse, count, narrow = _pivot(diagonal[gone])
-        negative += count
-        gap = min(gap, narrow)
-        into_left = coupling[left] @ vectors  # rows of the left neighbour
-        into_right = np.swapaxes(coupling[gone], 1, 2) @ vectors
-        into_border = np.swapaxes(border[gone], 1, 2) @ vectors
-        scaled_left, scaled_right = into_left * inverse[:, None, :], into_right * inverse[:, None, :]
-        t_left, t_right = np.swapaxes(into_left, 1, 2), np.swapaxes(into_right, 1, 2)
-        t_border = np.swapaxes(into_border, 1, 2)
-        diagonal[left] -= scaled_left @ t_left
-        diagonal[right] -= scaled_right @ t_right
-        border[left] -= scaled_left @ t_border
-        border[right] -= scaled_right @ t_border
-        corner -= ((into_border * inverse[:, None, :]) @ t_border).sum(axis=0)
-        coupling[left] = -scaled_left @ t_right
-        kept = np.setdiff1d(np.arange(n), gone, assume_unique=True)
-        diagonal, coupling, border = diagonal[kept], coupling[kept], border[kept]
-    rest = _join(diagonal, coupling, border, corner)
-    _, _, count, narrow = _pivot(rest[None])
-    return Inertia(negative + count - matrix.border, min(gap, narrow))
+    return BlockReduction(matrix, shift).inertia
 
 
 def _join(diagonal: Array, coupling: Array, border: Array, corner: Array) -> Array:

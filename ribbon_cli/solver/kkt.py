@@ -9,9 +9,10 @@ from __future__ import annotations
 
 from copy import copy
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import sparse
 
 from ..model.band import Array, Band
@@ -19,6 +20,9 @@ from ..model.constraints import PER_NODE
 from ..model.problem import CLOSURE, HESSIAN_ENTRIES, LocalDerivatives, Problem
 from ..model.sparsity import Scatter
 from ..model.stencil import SIZE, stencil
+
+
+BLOCK = 7 + PER_NODE
 
 
 @dataclass(frozen=True)
@@ -79,6 +83,19 @@ def scaling(problem: Problem, rotations: int) -> Array:
     )
 
 
+@dataclass(frozen=True)
+class NodeBlocks:
+    """K node by node: `diagonal` (N,12,12), `coupling` to the next node (N,12,12), `border` (N,12,c).
+
+    `position` is the place of every row of K in this order, border (closure, gauge) last.
+    """
+
+    position: NDArray[np.int64]
+    diagonal: Array
+    coupling: Array
+    border: Array
+
+
 class KKTMatrix:
     """The KKT matrix at one point; `upper` is the scaled upper triangle without regularisation.
 
@@ -114,9 +131,15 @@ class KKTMatrix:
         self.upper = sparse.csc_matrix((data, scatter.indices, scatter.indptr), shape=scatter.shape)
         self._strict = self.upper - sparse.diags(self.upper.diagonal())
 
+    @cached_property
+    def node_blocks(self) -> NodeBlocks:
+        """The matrix as a cyclic block-tridiagonal one with a border."""
+        return _node_blocks(self)
+
     def with_unit_metric(self) -> KKTMatrix:
         """The same matrix with the identity in place of the scaled Hessian."""
         out = copy(self)
+        out.__dict__.pop("node_blocks", None)
         out.upper = self.upper.copy()
         out.upper.data[out.upper.indptr[1 : self.size + 1] - 1] = 1.0
         out._strict = out.upper - sparse.diags(out.upper.diagonal())
@@ -136,3 +159,40 @@ class KKTMatrix:
         last = out.indptr[1:] - 1  # sorted columns of an upper triangle end on the diagonal
         out.data[last] += diagonal
         return out
+
+
+def _positions(matrix: KKTMatrix) -> NDArray[np.int64]:
+    """Place of every row of K in the order node by node, border last."""
+    n = matrix.size // 7
+    node = np.arange(n)[:, None]
+    return np.concatenate(
+        (
+            (BLOCK * node + np.arange(7)).ravel(),
+            (BLOCK * node + 7 + np.arange(PER_NODE)).ravel(),
+            np.arange(BLOCK * n, matrix.size + matrix.border),
+        )
+    )
+
+
+def _node_blocks(matrix: KKTMatrix) -> NodeBlocks:
+    position = _positions(matrix)
+    n = matrix.size // 7
+    tail, total = BLOCK * n, matrix.size + matrix.border
+    upper = matrix.upper.tocoo()
+    row, column, value = position[upper.row], position[upper.col], upper.data
+    off = row != column
+    row, column = np.concatenate((row, column[off])), np.concatenate((column, row[off]))
+    value = np.concatenate((value, value[off]))
+    inside = (row < tail) & (column < tail)
+    edge = (row < tail) & (column >= tail)
+    width = total - tail
+    border = np.zeros((n, BLOCK, width))
+    border[row[edge] // BLOCK, row[edge] % BLOCK, column[edge] - tail] = value[edge]
+    row, column, value = row[inside], column[inside], value[inside]
+    owner, other = row // BLOCK, column // BLOCK
+    diagonal, coupling = np.zeros((n, BLOCK, BLOCK)), np.zeros((n, BLOCK, BLOCK))
+    here = owner == other
+    diagonal[owner[here], row[here] % BLOCK, column[here] % BLOCK] = value[here]
+    forward = ~here & (other == (owner + 1) % n)
+    coupling[owner[forward], row[forward] % BLOCK, column[forward] % BLOCK] = value[forward]
+    return NodeBlocks(position, diagonal, coupling, border)

@@ -2,27 +2,29 @@
 
 qdldl factors the quasi-definite matrix K - delta on the multiplier block as L D L^T; the signs of D
 are its inertia (Sylvester). The regularisation is removed from solutions by iterative refinement,
-whose residual is checked; where it does not fall, SuperLU with partial pivoting takes over.
+whose residual is checked; where it does not fall, block cyclic reduction takes over, which needs no
+regularisation.
 """
 
 from __future__ import annotations
 
 import numpy as np
 import qdldl
-from scipy import sparse
-from scipy.sparse import linalg as sparse_linalg
 
 from ..model.band import Array
+from .inertia import BlockReduction
 from .kkt import KKTMatrix
 
-DELTAS = (1e-9, 1e-8, 1e-10, 1e-7)
+DELTAS = (1e-8, 1e-7, 1e-9, 1e-6)
 """Regularisations of the scaled multiplier block, in the order tried: far above roundoff, far below the
 scaled eigenvalues of the projected Hessian. Without pivoting a factorisation can be unlucky in one of
 them: refinement then fails to contract, and the next is tried."""
 REFINEMENTS = 6
 RESIDUAL_GOAL = 1e-11
-RESIDUAL_LIMIT = 1e-9
+RESIDUAL_LIMIT = 2e-9
 BACKWARD_LIMIT = 1e-10
+BACKWARD_GOAL = 1e-12
+BLOCK_REFINEMENTS = 2
 
 
 class FactorisationError(ArithmeticError):
@@ -45,7 +47,7 @@ class Factor:
             raise FactorisationError("the KKT matrix is not finite")
         self._shift_diagonal = shift * matrix.scale[: matrix.size] ** 2
         self._tried = 0
-        self._lu: sparse_linalg.SuperLU | None = None
+        self._blocks: BlockReduction | None = None
         self._solver = self._factor(DELTAS[0])
 
     def _factor(self, delta: float) -> qdldl.Solver:
@@ -66,27 +68,31 @@ class Factor:
             out[: self.matrix.size] -= self._shift_diagonal * v[: self.matrix.size]
         return out
 
-    def solve(self, rhs: Array) -> Array:
+    def solve(self, rhs: Array, *, backward: bool = False) -> Array:
         """Solve (K - shift M) z = rhs in unscaled variables, all (n+m+r,).
 
+        `backward` accepts a small backward error, which is what Lanczos near a singular shift needs and
+        all it can have: there, what is left of errors lies along the eigenvectors that are looked for.
         Raises FactorisationError if no method solves it to roundoff.
         """
         scale = self.matrix.scale
-        return scale * self._solve_scaled(scale * rhs)
+        return scale * self._solve_scaled(scale * rhs, backward)
 
-    def _solve_scaled(self, rhs: Array) -> Array:
+    def _solve_scaled(self, rhs: Array, backward: bool) -> Array:
         size = float(np.abs(rhs).max())
         if size == 0.0:
             return np.zeros_like(rhs)
-        while self._lu is None:
+        while self._blocks is None:
             solution, error = self._refined(rhs, size)
             if error <= RESIDUAL_LIMIT:
+                return solution
+            if backward and error * size <= BACKWARD_GOAL * float(np.abs(solution).max()):
                 return solution
             self._tried += 1
             if self._tried == len(DELTAS):
                 break
             self._solver = self._factor(DELTAS[self._tried])
-        return self._solve_by_pivoting(rhs, size)
+        return self._solve_by_blocks(rhs, size)
 
     def _refined(self, rhs: Array, size: float) -> tuple[Array, float]:
         """The best of a few refinements and its residual relative to the right-hand side."""
@@ -103,15 +109,12 @@ class Factor:
             solution = solution + np.asarray(self._solver.solve(residual))
         return best, best_error
 
-    def _solve_by_pivoting(self, rhs: Array, size: float) -> Array:
-        if self._lu is None:
-            upper = self.matrix.regularised(self.shift, 0.0)
-            try:
-                self._lu = sparse_linalg.splu((upper + sparse.triu(upper, 1).T).tocsc())
-            except RuntimeError as error:
-                raise FactorisationError(f"the KKT matrix is singular: {error}") from error
-        solution: Array = self._lu.solve(rhs)
-        solution = solution + self._lu.solve(rhs - self._product(solution))
+    def _solve_by_blocks(self, rhs: Array, size: float) -> Array:
+        if self._blocks is None:
+            self._blocks = BlockReduction(self.matrix, self.shift)
+        solution = self._blocks.solve(rhs)
+        for _ in range(BLOCK_REFINEMENTS):
+            solution = solution + self._blocks.solve(rhs - self._product(solution))
         reach = size + float(np.abs(solution).max())  # entries of the scaled matrix are of order one
         error = float(np.abs(rhs - self._product(solution)).max()) / reach
         if not error <= BACKWARD_LIMIT:

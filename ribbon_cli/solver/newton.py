@@ -13,12 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..model.band import Array, State
-from ..model.constraints import PER_NODE
-from ..model.problem import CLOSURE, LocalDerivatives, Problem
+from ..model.problem import LocalDerivatives, Problem
 from .inertia import inertia
 from .kkt import KKTMatrix
 from .linear import Factor, FactorisationError
-from .saddle_free import Direction, direction
+from .saddle_free import Direction, direction, lagrangian_gradient
 from .status import Result, SaddleMet, Status
 
 Guard = Callable[[State], str | None]
@@ -29,13 +28,15 @@ Watch = Callable[[int, float, float], None]
 class Options:
     """Tolerances and limits of one solve.
 
-    `tolerance` bounds both residuals. `step_limit` bounds the change of tangents, of rulings relative
+    `tolerance` bounds both residuals of a converged point; iterations go on to `goal` while it can be
+    reached. `step_limit` bounds the change of tangents, of rulings relative
     to their length and of xi/4 in one step: branches are tracked locally, since longer steps jump to
     other topologies. `leave_saddles` is how many stationary points of positive index may be left.
     `guard` returns a sentence where a state must not be accepted (it changed its linking number).
     """
 
-    tolerance: float = 1e-10
+    tolerance: float = 1e-9
+    goal: float = 1e-11
     max_steps: int = 400
     step_limit: float = 0.25
     leave_saddles: int = 6
@@ -49,6 +50,8 @@ GUARD_FROM = 1e-3
 longer one is checked, and so is the end."""
 ARMIJO = 1e-4
 MOST_CORRECTIONS = 4
+NEAR_SADDLE = 1e-3
+NEAR_STEP = 0.05
 
 
 @dataclass(frozen=True)
@@ -62,19 +65,6 @@ class _Point:
     @property
     def worst(self) -> float:
         return max(self.kkt, self.constraint)
-
-
-def lagrangian_gradient(problem: Problem, local: LocalDerivatives, multipliers: Array) -> Array:
-    """Gradient (7N,) of the Lagrangian (2.53) in x, by gathering local Jacobians."""
-    n = problem.band.segments
-    lam = multipliers[:-CLOSURE].reshape(n, PER_NODE)
-    pulled = np.einsum("ikj,ik->ij", local.jacobian, lam)
-    total = np.bincount(
-        problem.stencil.index.ravel(), weights=pulled.ravel(), minlength=problem.size + 3
-    )[: problem.size]
-    out = local.gradient - total
-    out.reshape(n, 7)[:, :3] -= problem.band.h * multipliers[-CLOSURE:]
-    return out
 
 
 def _point(problem: Problem, x: Array, multipliers: Array) -> _Point:
@@ -179,33 +169,59 @@ class _Solve:
     def _iterate(self, point: _Point) -> Result:
         while True:
             factor = self._factor(point)
-            found = direction(self.problem, point.local, factor)
+            found = direction(self.problem, point.local, point.multipliers, factor)
             self.surplus_seen = max(self.surplus_seen, found.index)
             if self.options.watch is not None:
                 self.options.watch(self.steps, point.local.energy, point.worst)
-            if point.worst <= self.options.tolerance:
-                count = inertia(factor.matrix)
-                if not count.trusted:
-                    return self._result(Status.UNDECIDED, point, detail=f"(Pivot gap {count.gap:.1e}.)")
-                if count.negative == 0:
-                    return self._result(Status.MINIMUM, point, negative=0)
-                if found.index == 0:
-                    found = direction(self.problem, point.local, factor, count.negative)
-                self._record_saddle(point, found)
-                if len(self.saddles) > self.options.leave_saddles:
-                    return self._result(Status.SADDLE, point, negative=found.index)
-                following = self._leave(point, factor, found)
-            elif self.steps >= self.options.max_steps:
-                return self._result(Status.ITERATION_LIMIT, point)
-            else:
-                following = self._advance(point, factor, found)
+            following: _Point | None = None
+            if point.worst > self.options.goal and self.steps < self.options.max_steps:
+                following = self._meet_saddle(point, found) or self._advance(point, factor, found)
+                if following is not None and following.worst > 0.5 * point.worst <= 0.5 * self.options.tolerance:
+                    following = None  # converged, and as far as roundoff lets it
+            if following is None:
+                if point.worst > self.options.tolerance:
+                    return self._stopped(point)
+                verdict, following = self._judge(point, factor, found)
+                if verdict is not None:
+                    return verdict
             self.steps += 1
             if following is None:
-                return self._stopped(point, found)
+                return self._stopped(point)
             point = following
+
+    def _judge(
+        self, point: _Point, factor: Factor, found: Direction
+    ) -> tuple[Result | None, _Point | None]:
+        """What a stationary point is: a result, or the point to go on from if it is a saddle to leave."""
+        count = inertia(factor.matrix)
+        if not count.trusted:
+            return self._result(Status.UNDECIDED, point, detail=f"(Pivot gap {count.gap:.1e}.)"), None
+        if count.negative == 0:
+            return self._result(Status.MINIMUM, point, negative=0), None
+        if found.index != count.negative:
+            found = direction(self.problem, point.local, point.multipliers, factor, count.negative)
+        self.surplus_seen = max(self.surplus_seen, count.negative)
+        if len(self.saddles) >= self.options.leave_saddles:
+            return self._result(Status.SADDLE, point, negative=count.negative), None
+        self._record_saddle(point, found)
+        return None, self._leave(point, factor, found)
 
     def _factor(self, point: _Point) -> Factor:
         return Factor(KKTMatrix(self.problem, point.local, self.problem.rotations(point.x)))
+
+    def _meet_saddle(self, point: _Point, found: Direction) -> _Point | None:
+        """Close to a saddle, take the plain Newton step onto it, so that it is known and left on purpose.
+
+        The saddle-free step moves away only as fast as the distance doubles. None if not that close.
+        """
+        if found.index == 0 or point.worst > NEAR_SADDLE:
+            return None
+        if change(self.problem, point.x, found.newton_step) > NEAR_STEP:
+            return None
+        trial = _point(self.problem, point.x + found.newton_step, found.newton_multipliers)
+        if not trial.worst < 0.1 * point.worst:
+            return None
+        return trial if self._allowed(point, trial) else None
 
     def _advance(self, point: _Point, factor: Factor, found: Direction) -> _Point | None:
         """One accepted step, or None."""
@@ -309,7 +325,9 @@ class _Solve:
                 break
         return best
 
-    def _stopped(self, point: _Point, found: Direction) -> Result:
+    def _stopped(self, point: _Point) -> Result:
+        if self.steps >= self.options.max_steps:
+            return self._result(Status.ITERATION_LIMIT, point)
         status, detail = self.trouble
         return self._result(status, point, detail=detail)
 

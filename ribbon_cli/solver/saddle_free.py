@@ -17,7 +17,8 @@ from scipy import linalg
 from scipy.sparse import linalg as sparse_linalg
 
 from ..model.band import Array
-from ..model.problem import LocalDerivatives, Problem
+from ..model.constraints import PER_NODE
+from ..model.problem import CLOSURE, LocalDerivatives, Problem
 from .inertia import inertia
 from .kkt import KKTMatrix
 from .linear import Factor, FactorisationError
@@ -31,13 +32,16 @@ DENSE_SEGMENTS = 400
 class Direction:
     """A step p (7N,), the multipliers to go with it (5N+3,), and what is known of W_c.
 
-    `negative` eigenvalues (k,) ascending and `vectors` (7N, k) span the negative eigenspace.
+    `negative` eigenvalues (k,) ascending and `vectors` (7N, k) span the negative eigenspace. The plain
+    Newton step is kept beside it: near a saddle it shows how near.
     """
 
     step: Array
     multipliers: Array
     negative: Array
     vectors: Array
+    newton_step: Array
+    newton_multipliers: Array
 
     @property
     def index(self) -> int:
@@ -53,26 +57,31 @@ def start_vector(size: int, fixed: np.ndarray) -> Array:
 
 
 def shift_below(matrix: KKTMatrix, count: int) -> Factor:
-    """Factor K - sigma M for a sigma below all negative eigenvalues, and no more than 8 times below.
+    """Factor K - sigma M for a sigma below all negative eigenvalues, and at most a third below the lowest.
 
     With such a shift the negative eigenvalues mu have 1 / (mu - sigma) above 1 / |sigma| and all others
     below: Lanczos separates them at once, whatever the spread of the rest.
     Raises FactorisationError if no such shift is found.
     """
-    sigma, enough = -1e-3, 0.0
-    for _ in range(40):
-        if inertia(matrix, sigma).negative == 0:
-            enough = sigma
-            sigma /= 8.0
-            if sigma > -1e-13:
-                break
-        elif enough:
-            break
+    below, above = -1e-3, 0.0
+    while inertia(matrix, below).negative:
+        below, above = 8.0 * below, below
+        if below < -1e12:
+            raise FactorisationError(f"no shift below the {count} negative eigenvalues was found")
+    while not above:
+        if inertia(matrix, below / 8.0).negative:
+            above = below / 8.0
         else:
-            sigma *= 8.0
-    if not enough:
-        raise FactorisationError(f"no shift below the {count} negative eigenvalues was found")
-    return Factor(matrix, shift=enough)
+            below /= 8.0
+            if below > -1e-14:
+                raise FactorisationError(f"the {count} negative eigenvalues are too small to separate")
+    for _ in range(3):
+        middle = -np.sqrt(below * above)
+        if inertia(matrix, middle).negative:
+            above = middle
+        else:
+            below = middle
+    return Factor(matrix, shift=below)
 
 
 def negative_eigenpairs(problem: Problem, matrix: KKTMatrix, count: int) -> tuple[Array, Array, Array]:
@@ -88,7 +97,7 @@ def negative_eigenpairs(problem: Problem, matrix: KKTMatrix, count: int) -> tupl
 
     def inverse(w: Array) -> Array:
         rhs[:n] = np.where(problem.fixed, 0.0, w)
-        out = factor.solve(rhs)[:n]
+        out = factor.solve(rhs, backward=True)[:n]
         out[problem.fixed] = 0.0
         return out
 
@@ -107,31 +116,46 @@ def negative_eigenpairs(problem: Problem, matrix: KKTMatrix, count: int) -> tupl
     for j in range(count):
         # (K - sigma M) [v; -nu] = (mu - sigma) [v; 0]
         rhs[:n] = vectors[:, j]
-        z = factor.solve(rhs)
+        z = factor.solve(rhs, backward=True)
         nu[:, j] = -z[n : n + problem.rows] * (values[j] - factor.shift)
     order = np.argsort(values)
     return values[order], vectors[:, order], nu[:, order]
 
 
+def lagrangian_gradient(problem: Problem, local: LocalDerivatives, multipliers: Array) -> Array:
+    """Gradient (7N,) of the Lagrangian (2.53) in x, by gathering local Jacobians."""
+    n = problem.band.segments
+    lam = multipliers[:-CLOSURE].reshape(n, PER_NODE)
+    pulled = np.einsum("ikj,ik->ij", local.jacobian, lam)
+    total = np.bincount(
+        problem.stencil.index.ravel(), weights=pulled.ravel(), minlength=problem.size + 3
+    )[: problem.size]
+    out = local.gradient - total
+    out.reshape(n, 7)[:, :3] -= problem.band.h * multipliers[-CLOSURE:]
+    return out
+
+
 def direction(
-    problem: Problem, local: LocalDerivatives, factor: Factor, index: int | None = None
+    problem: Problem, local: LocalDerivatives, multipliers: Array, factor: Factor, index: int | None = None
 ) -> Direction:
     """The saddle-free step from the derivatives at a point and their factorisation.
 
-    `index` is the number of negative eigenvalues where it is known.
+    The system is solved for the change of multipliers (5N+3,): its right-hand side is then the KKT residual,
+    and the accuracy of the solution grows with that of the point. `index` is the number of negative
+    eigenvalues where it is known.
     Raises FactorisationError if the systems cannot be solved.
     """
     n, m = problem.size, problem.rows
-    rhs = np.concatenate((-local.gradient, -local.constraints, np.zeros(factor.matrix.gauge)))
-    z = factor.solve(rhs)
-    step, multipliers = z[:n], -z[n : n + m]
+    gradient = lagrangian_gradient(problem, local, multipliers)
+    z = factor.solve(np.concatenate((-gradient, -local.constraints, np.zeros(factor.matrix.gauge))))
+    step, new = z[:n], multipliers - z[n : n + m]
     count = factor.surplus if index is None else index
     if index is None and count != 0:
         # A count by regularised pivots can be off where the matrix is ill-conditioned; eigenpairs are
         # looked for only if the block reduction, which needs no regularisation, confirms it.
         count = inertia(factor.matrix).negative
     if count <= 0:
-        return Direction(step, multipliers, np.empty(0), np.empty((n, 0)))
+        return Direction(step, new, np.empty(0), np.empty((n, 0)), step, new)
     if count > LANCZOS_LIMIT or 6 * count > 2 * problem.band.segments:
         values, vectors, nu = dense_negative_eigenpairs(problem, local, factor.matrix)
     else:
@@ -142,7 +166,9 @@ def direction(
                 raise
             values, vectors, nu = dense_negative_eigenpairs(problem, local, factor.matrix)
     along = vectors.T @ step
-    return Direction(step - 2.0 * vectors @ along, multipliers - 2.0 * nu @ along, values, vectors)
+    return Direction(
+        step - 2.0 * vectors @ along, new - 2.0 * nu @ along, values, vectors, step, new
+    )
 
 
 def null_space(problem: Problem, local: LocalDerivatives, rotations: Array) -> Array:

@@ -1,0 +1,82 @@
+"""For notebooks and scripts: solve a config, open a state."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from ribbon_cli.errors import UsageError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from ribbon_cli.config import Config
+    from ribbon_cli.store import Run, StateRecord
+    from ribbon_cli.study import Outcome
+
+
+def solve(
+    config: str | os.PathLike[str] | Mapping[str, Any] | Config,
+    runs: str | os.PathLike[str] | None = None,
+    fresh: bool = False,
+) -> Outcome:
+    """Run all stages of a config, or those that its run still lacks; `fresh` starts over.
+
+    `config` is a path, a `Config`, or a mapping laid out as a config file, whose `name` defaults to "config".
+    `runs` is the folder of the runs, by default RIBBON_RUNS, else ./runs. Targets that were not reached are
+    in the outcome and raise nothing; ConfigError, StoreError and LockedError are raised.
+    """
+    from ribbon_cli.store import runs_root
+    from ribbon_cli.study import solve_config
+
+    root = runs_root(None if runs is None else os.fspath(runs))
+    return solve_config(_config(config), root, fresh=fresh, argv=sys.argv)
+
+
+def _config(source: str | os.PathLike[str] | Mapping[str, Any] | Config) -> Config:
+    """The config that a user hands over. Raises ConfigError."""
+    from ribbon_cli.config import load_config, parse_config
+
+    if isinstance(source, str | os.PathLike):
+        return load_config(source)
+    if isinstance(source, Mapping):
+        import yaml
+
+        return parse_config(yaml.safe_dump(_plain(source), sort_keys=False), "config")
+    return source
+
+
+def _plain(value: Any) -> Any:
+    """A copy in YAML's types: NumPy's scalars and arrays, tuples and paths as Python's own."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return os.fspath(value) if isinstance(value, os.PathLike) else value
+
+
+def load_state(ref: str | os.PathLike[str], runs: str | os.PathLike[str] | None = None) -> StateRecord:
+    """Read the state that `ref` names: RUN:LABEL, RUN@b=0.5,N=400, or the path of its HDF5 file.
+
+    Raises UsageError when it names none, StoreError when the file is damaged.
+    """
+    return open_state(ref, runs)[1]
+
+
+def open_state(
+    ref: str | os.PathLike[str], runs: str | os.PathLike[str] | None = None
+) -> tuple[Run | None, StateRecord, Path]:
+    """Read a state as `load_state` does; return its run (None outside of one) and its file as well."""
+    from ribbon_cli.store import decode, resolve_state, runs_root
+
+    root = runs_root(None if runs is None else os.fspath(runs))
+    run, label, path = resolve_state(root, os.fspath(ref))
+    if path.suffix == ".npz":
+        raise UsageError(f"{path}: an npz file holds no certificate or provenance: name the state it is from")
+    if run is None or label is None:
+        return None, decode(path), path
+    return run, run.load(label), path

@@ -1,0 +1,182 @@
+"""Shell completion: what Tab offers, and the scripts that ask for it.
+
+The callbacks run at every press of Tab, on whatever is in the folder: they never raise and never print.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import click
+    from click.shell_completion import CompletionItem
+
+    from ribbon_cli.store import Run
+
+SHELLS = ("bash", "zsh", "fish")
+_MOST = 500
+"""Most candidates that are worth showing."""
+
+_BASH = """\
+%(complete_func)s() {
+    local IFS=$'\\n'
+    local kind value
+    COMPREPLY=()
+    while IFS=',' read -r kind value; do
+        case $kind in
+            dir) compopt -o dirnames ;;
+            file) compopt -o default ;;
+            open) compopt -o nospace; COMPREPLY+=("$value") ;;
+            plain) COMPREPLY+=("$value") ;;
+        esac
+    done < <(env COMP_LINE="$COMP_LINE" COMP_POINT="$COMP_POINT" COMP_WORDBREAKS="$COMP_WORDBREAKS" \\
+        %(complete_var)s=bash_complete "$1" 2>/dev/null)
+    return 0
+}
+
+complete -o nosort -F %(complete_func)s %(prog_name)s
+"""
+
+
+def register_bash() -> None:
+    """Replace click's completion for bash by one that knows references.
+
+    Bash breaks words at ':', '=' and '@', so that click sees RUN:12 as three of them. Ours reads the line
+    itself, and leaves out of each candidate what bash takes for earlier words.
+    """
+    from click.shell_completion import BashComplete, add_completion_class, split_arg_string
+
+    class Bash(BashComplete):
+        source_template = _BASH
+
+        def get_completion_args(self) -> tuple[list[str], str]:
+            # COMP_POINT counts bytes.
+            line = os.fsencode(os.environ.get("COMP_LINE", ""))
+            line = line[: int(os.environ.get("COMP_POINT", len(line)))]
+            words = split_arg_string(os.fsdecode(line))
+            open_word = bool(line) and not line[-1:].isspace()
+            incomplete = words.pop() if open_word and len(words) > 1 else ""
+            # Of --option=VALUE, candidates are values alone, and bash has broken the word there anyhow.
+            value = incomplete.partition("=")[2] if incomplete.startswith("-") else incomplete
+            breaks = set(os.environ.get("COMP_WORDBREAKS", "")) - set(" \t\n")
+            # The word that bash replaces begins behind the last break, but with an '@'.
+            self._hidden = max([0, *(value.rfind(mark) + (mark != "@") for mark in breaks)])
+            return words[1:], incomplete
+
+        def format_completion(self, item: CompletionItem) -> str:
+            value = str(item.value)
+            kind = "open" if item.type == "plain" and value.endswith((":", "@", ",")) else item.type
+            return f"{kind},{value[self._hidden :]}"
+
+    add_completion_class(Bash)
+
+
+def script(cli: click.Command, shell: str, program: str) -> str:
+    """The text that makes a shell complete `program`'s command lines. Raises ValueError for other shells."""
+    from click.shell_completion import BashComplete, get_completion_class
+
+    register_bash()
+    found = get_completion_class(shell)
+    if found is None:
+        raise ValueError(f"no completion for {shell}")
+    completion = found(cli, {}, program, f"_{program.upper()}_COMPLETE")
+    # Bash's own `source` starts a bash to ask for its version first.
+    if isinstance(completion, BashComplete):
+        return completion.source_template % completion.source_vars()
+    return completion.source()
+
+
+_Callback = Callable[["click.Context", "click.Parameter", str], list["CompletionItem"]]
+
+
+def _candidates(find: Callable[[click.Context, str], Iterator[str]], kind: str = "") -> _Callback:
+    """A callback that offers what `find` gives, and files as well (`kind` "file") when that is nothing."""
+
+    def complete(ctx: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
+        from click.shell_completion import CompletionItem
+
+        found: list[str] = []
+        try:
+            for value in find(ctx, incomplete):
+                if value.startswith(incomplete) and len(found) < _MOST:
+                    found.append(value)
+        except Exception:  # noqa: BLE001  (a damaged run must not put a traceback into the user's line)
+            found = []
+        items = [CompletionItem(value) for value in found]
+        return items or ([CompletionItem(incomplete, type=kind)] if kind else [])
+
+    return complete
+
+
+def _runs(ctx: click.Context) -> list[tuple[str, Run]]:
+    """The runs, each under its short name where that names no other run."""
+    from ribbon_cli.cli.settings import Settings
+    from ribbon_cli.store import list_runs
+
+    runs = list_runs(ctx.ensure_object(Settings).root)
+    names = [run.short_name for run in runs]
+    return [(run.short_name if names.count(run.short_name) == 1 else run.name, run) for run in runs]
+
+
+def _run_names(ctx: click.Context, incomplete: str) -> Iterator[str]:
+    return (name for name, _ in _runs(ctx))
+
+
+def _references(ctx: click.Context, incomplete: str) -> Iterator[str]:
+    """Runs with a colon, or the states of one when there is only one."""
+    fitting = [(name, run) for name, run in _runs(ctx) if name.startswith(incomplete)]
+    if len(fitting) > 1:
+        yield from (f"{name}:" for name, _ in fitting)
+        return
+    mark = "@" if "@" in incomplete else ":"
+    typed = incomplete.partition(mark)[0]
+    for name, run in fitting or _named(ctx, typed):
+        yield from _states(typed if not fitting else name, run, mark)
+
+
+def _named(ctx: click.Context, typed: str) -> list[tuple[str, Run]]:
+    """The run that a finished name stands for, as users may type it. Raises UsageError."""
+    from ribbon_cli.cli.settings import Settings
+    from ribbon_cli.store import find_run
+
+    return [(typed, find_run(ctx.ensure_object(Settings).root, typed))]
+
+
+def _states(name: str, run: Run, mark: str) -> Iterator[str]:
+    """NAME:1, NAME:2, ...; or NAME@b=0.5,N=50, ... of the equilibria."""
+    if mark == ":":
+        yield from (f"{name}:{label}" for label in run.entries())
+        return
+    places = ((state["half_width"], state["segments"]) for state in run.states())
+    yield from (f"{name}@b={b:.10g},N={n}" for b, n in dict.fromkeys(places))
+
+
+def _states_or_runs(ctx: click.Context, incomplete: str) -> Iterator[str]:
+    if not {":", "@"} & set(incomplete):
+        yield from _run_names(ctx, incomplete)
+    yield from _references(ctx, incomplete)
+
+
+def _templates(ctx: click.Context, incomplete: str) -> Iterator[str]:
+    from ribbon_cli.config import templates
+
+    return iter(templates())
+
+
+def _nothing(ctx: click.Context, incomplete: str) -> Iterator[str]:
+    return iter(())
+
+
+complete_run = _candidates(_run_names)
+complete_state = _candidates(_references, "file")
+complete_any = _candidates(_states_or_runs, "file")
+complete_template = _candidates(_templates)
+complete_file = _candidates(_nothing, "file")
+complete_folder = _candidates(_nothing, "dir")
+
+
+def complete_source(ctx: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """Offer runs, and config files beside them."""
+    return [*complete_run(ctx, parameter, incomplete), *complete_file(ctx, parameter, incomplete)]

@@ -1,0 +1,97 @@
+"""`ribbon init` and `ribbon check`: configs before anything is solved."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from ribbon_cli.cli.completion import complete_file, complete_template
+from ribbon_cli.cli.output import check_target, complain, emit, emit_json, say
+from ribbon_cli.cli.settings import Settings, common_options, pass_settings
+
+if TYPE_CHECKING:
+    from ribbon_cli.config import Config, ConfigError
+
+_DEFAULT_TEMPLATE = "mobius-pi"
+
+
+@click.command()
+@click.argument("template", default=_DEFAULT_TEMPLATE, shell_complete=complete_template)
+@click.option("-o", "--output", metavar="PATH", shell_complete=complete_file, help="Default: TEMPLATE.yaml.")
+@click.option("--list", "listing", is_flag=True, help="List the templates and write nothing.")
+@common_options
+@pass_settings
+def init(settings: Settings, template: str, output: str | None, listing: bool) -> None:
+    """Write a commented config to start from.
+
+    TEMPLATE is mobius-pi unless given; --list shows which there are.
+    """
+    from ribbon_cli.config import templates
+    from ribbon_cli.errors import UsageError
+    from ribbon_cli.store import suggest, write_atomic
+
+    known = templates()
+    if listing:
+        emit_json(list(known)) if settings.json else emit("\n".join(known))
+        return
+    if template not in known:
+        hint = suggest(template, known) or f": there are {', '.join(known)}"
+        raise UsageError(f"no template {template!r}{hint}")
+    path = output or f"{template}.yaml"
+    check_target(path, overwrite=False)
+    write_atomic(path, known[template].encode())
+    emit_json({"path": path, "template": template}) if settings.json else emit(path)
+    say(settings, f"written; `ribbon check {path}` tells what it will do")
+
+
+@click.command()
+@click.argument("config", shell_complete=complete_file)
+@common_options
+@pass_settings
+def check(settings: Settings, config: str) -> None:
+    """Validate CONFIG; print its stages and their cost."""
+    from ribbon_cli.config import ConfigError, load_config
+
+    try:
+        loaded = load_config(config)
+    except ConfigError as error:
+        if settings.json:
+            emit_json({"valid": False, "path": config, "problems": _problems(error)})
+        raise
+    _show_plan(settings, loaded)
+
+
+def _problems(error: ConfigError) -> list[dict[str, Any]]:
+    from dataclasses import asdict
+
+    return [asdict(problem) for problem in error.problems]
+
+
+def _show_plan(settings: Settings, config: Config) -> None:
+    """Print what `ribbon solve` will do with a config."""
+    from dataclasses import asdict
+
+    from ribbon_cli.cli.render import duration, plan_table
+    from ribbon_cli.study import plan_of
+
+    plan = plan_of(config)
+    run = f"{config.name}-{config.hash8()}"
+    if settings.json:
+        document = {
+            "valid": True,
+            "path": config.path,
+            "run": run,
+            "config": config.resolved(),
+            "stages": [asdict(stage) for stage in plan.stages],
+            "cost_seconds": plan.cost,
+            "notes": list(plan.notes),
+        }
+        emit_json(document)
+        return
+    emit(
+        f"{config.path}: valid, run {run}\n\n{plan_table(plan.stages, settings.verbose)}\n\n"
+        f"{len(plan.stages)} stages, about {duration(plan.cost)} on one core"
+    )
+    for note in plan.notes:
+        complain(note)

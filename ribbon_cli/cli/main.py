@@ -1,0 +1,112 @@
+"""The entry point `ribbon`: one thread for BLAS, all commands, signals."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from types import FrameType
+from typing import NoReturn
+
+import click
+
+from ribbon_cli.cli.completion import SHELLS, register_bash, script
+from ribbon_cli.cli.config_commands import check, init
+from ribbon_cli.cli.export_command import export
+from ribbon_cli.cli.group import RibbonGroup, Stopped
+from ribbon_cli.cli.output import emit, emit_json
+from ribbon_cli.cli.settings import Settings, common_options, pass_settings
+from ribbon_cli.cli.solve_commands import refine, solve
+from ribbon_cli.cli.store_commands import ls, show
+from ribbon_cli.cli.table_command import convergence_table
+from ribbon_cli.errors import UsageError
+
+# Whatever the environment says: the number of threads decides the order of summation, hence the bytes of the
+# results. None of the imports above brings in NumPy, so that its BLAS reads these when it is loaded.
+os.environ |= dict.fromkeys(
+    (
+        "OPENBLAS_NUM_THREADS",
+        "OMP_NUM_THREADS",
+        "MKL_NUM_THREADS",
+        "BLIS_NUM_THREADS",
+        "VECLIB_MAXIMUM_THREADS",
+        "NUMEXPR_NUM_THREADS",
+    ),
+    "1",
+)
+
+
+def _version(ctx: click.Context, parameter: click.Parameter, value: bool) -> None:
+    """Print the version and leave; looked up only now, because that takes time."""
+    if value and not ctx.resilient_parsing:
+        import ribbon_cli
+
+        emit(f"ribbon {ribbon_cli.__version__}")
+        ctx.exit()
+
+
+@click.group(cls=RibbonGroup, name="ribbon", context_settings={"help_option_names": ["-h", "--help"]})
+@click.option(
+    "--version",
+    is_flag=True,
+    is_eager=True,
+    expose_value=False,
+    callback=_version,
+    help="Print the version.",
+)
+@common_options
+def cli() -> None:
+    """Compute equilibria of unstretchable elastic bands, with a certificate for each.
+
+    \b
+    A start:
+      ribbon init mobius-pi
+      ribbon check mobius-pi.yaml
+      ribbon solve mobius-pi.yaml
+      ribbon convergence-table mobius-pi
+    A state is named RUN:LABEL (mobius-pi:12), RUN@b=0.5,N=400, or by its file.
+    """
+
+
+@click.command()
+@click.argument("shell", type=click.Choice(SHELLS), required=False)
+@common_options
+@pass_settings
+def completion(settings: Settings, shell: str | None) -> None:
+    """Print a script for completion by Tab.
+
+    The shell then completes commands, options, runs and labels. SHELL is by default the one in use.
+
+    \b
+    bash:  eval "$(ribbon completion bash)"
+    zsh:   eval "$(ribbon completion zsh)"
+    fish:  ribbon completion fish | source
+    """
+    name = shell or os.path.basename(os.environ.get("SHELL", ""))
+    if name not in SHELLS:
+        raise UsageError(f"which shell? name one of {', '.join(SHELLS)}")
+    text = script(cli, name, "ribbon")
+    emit_json({"shell": name, "script": text}) if settings.json else emit(text)
+
+
+for _command in (init, check, solve, refine, convergence_table, ls, show, export, completion):
+    cli.add_command(_command)
+
+
+def main() -> None:
+    """Run the process's command line and exit; SIGINT gives 130, SIGTERM 143."""
+    # Where a caller ignores a signal (nohup, a background job), it stays ignored.
+    for number in (signal.SIGINT, signal.SIGTERM):
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, _stop)
+    for stream in (sys.stdout, sys.stderr):
+        # A file's name that is no text, or a locale without Greek, must not end a run.
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="backslashreplace")
+    register_bash()
+    cli.main()
+
+
+def _stop(number: int, frame: FrameType | None) -> NoReturn:
+    """End what is under way by an exception, so that locks are released and the terminal is put in order."""
+    raise Stopped(number)

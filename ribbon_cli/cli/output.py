@@ -1,0 +1,75 @@
+"""Data to standard output, messages to standard error."""
+
+from __future__ import annotations
+
+import os
+import sys
+from typing import Any
+
+import click
+
+from ribbon_cli.cli.settings import Settings
+from ribbon_cli.errors import RibbonError, UsageError
+
+
+def emit(text: str) -> None:
+    """Write data to standard output.
+
+    A reader that has gone (`ribbon ls | head -1`) is no failure: what is left is dropped, and the exit code
+    goes on speaking of the work done. Raises RibbonError when the output cannot be written: a full disk.
+    """
+    try:
+        click.echo(text.removesuffix("\n"))
+    except BrokenPipeError:
+        _discard_output()
+    except OSError as error:
+        _discard_output()
+        raise RibbonError(f"standard output cannot be written: {error.strerror or error}") from error
+
+
+def emit_json(value: Any) -> None:
+    """Write one JSON document; not-a-number and infinities are null."""
+    import json
+
+    from ribbon_cli.store.log import to_json
+
+    emit(json.dumps(to_json(value), indent=2, allow_nan=False))
+
+
+def _discard_output() -> None:
+    """Let whatever is still buffered vanish, or the interpreter would complain about it when it exits."""
+    try:
+        descriptor = sys.stdout.fileno()
+    except (OSError, ValueError, AttributeError):
+        return
+    null = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(null, descriptor)
+    os.close(null)
+
+
+def say(settings: Settings, text: str) -> None:
+    """Write a message to standard error unless the user wants quiet."""
+    if not settings.quiet:
+        complain(text)
+
+
+def complain(text: str) -> None:
+    """Write to standard error, quiet or not; where nobody can read it, nothing happens."""
+    try:
+        click.echo(text, err=True)
+    except OSError:
+        return
+
+
+def check_target(path: str | os.PathLike[str], overwrite: bool, hint: str = "choose another with -o") -> None:
+    """Check a file that is about to be written.
+
+    Raises UsageError where it is a folder, exists and is not to be overwritten, or would lie in no folder.
+    """
+    if os.path.isdir(path):
+        raise UsageError(f"{path}: is a folder: name a file with -o")
+    if os.path.lexists(path) and not overwrite:
+        raise UsageError(f"{path}: exists already and is not replaced: {hint}")
+    folder = os.path.dirname(path) or "."
+    if not os.path.isdir(folder):
+        raise UsageError(f"{path}: its folder does not exist: make it first, or {hint}")

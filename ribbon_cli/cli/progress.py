@@ -1,0 +1,158 @@
+"""Progress of a solve on standard error: a bar on a terminal, a line for each stage elsewhere.
+
+Both follow the protocol `ribbon_cli.study.Progress`.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from ribbon_cli.cli.output import complain
+from ribbon_cli.cli.render import duration
+from ribbon_cli.cli.settings import Settings
+
+if TYPE_CHECKING:
+    from rich.progress import Progress as RichProgress
+
+    from ribbon_cli.study import Progress
+
+
+@contextmanager
+def progress(settings: Settings) -> Iterator[Progress | None]:
+    """The progress to hand to a study; None when the user wants quiet."""
+    if settings.quiet:
+        yield None
+    elif _on_terminal():
+        with _bar() as bar:
+            yield Bar(bar, settings.verbose)
+    else:
+        yield Lines(settings.verbose)
+
+
+def _on_terminal() -> bool:
+    """Whether standard error is a terminal that can redraw a line."""
+    if sys.stderr is None or os.environ.get("TERM", "") in ("", "dumb", "unknown"):
+        return False
+    return sys.stderr.isatty()
+
+
+@dataclass
+class _Stage:
+    """The stage under way, and its last Newton step (`iteration` 0: none yet)."""
+
+    name: str = ""
+    index: int = 0
+    total: int = 0
+    half_width: float = 0.0
+    segments: int = 0
+    iteration: int = 0
+    energy: float = 0.0
+    residual: float = 0.0
+    started: float = field(default_factory=time.monotonic)
+
+    @property
+    def heading(self) -> str:
+        """Which of how many stages this is, and where it is."""
+        width = len(str(self.total))
+        place = f"b = {self.half_width:g}, N = {self.segments}"
+        return f"[{self.index:{width}}/{self.total}] {self.name}: {place}"
+
+    def step_line(self) -> str:
+        """The last step."""
+        return f"    step {self.iteration}: E = {self.energy:.9f}, residual {self.residual:.1e}"
+
+    def line(self) -> str:
+        """The whole stage, once it is over."""
+        if not self.iteration:
+            return self.heading
+        result = f"E = {self.energy:.9f}, residual {self.residual:.1e}"
+        steps = f"{self.iteration} step{'s' * (self.iteration > 1)}"
+        return f"{self.heading}: {result}, {steps}, {duration(time.monotonic() - self.started)}"
+
+
+class Lines:
+    """A line for each stage when it is over; every step as well if `verbose`."""
+
+    def __init__(self, verbose: bool = False) -> None:
+        self._verbose = verbose
+        self._current = _Stage()
+
+    def stage(self, name: str, index: int, total: int, half_width: float, segments: int) -> None:
+        """A stage begins, which ends the one before."""
+        self.done()
+        self._current = _Stage(name, index, total, half_width, segments)
+
+    def step(self, iteration: int, energy: float, residual: float) -> None:
+        """A Newton step was taken."""
+        current = self._current
+        current.iteration, current.energy, current.residual = iteration, energy, residual
+        if self._verbose:
+            self._write(current.step_line())
+
+    def note(self, text: str) -> None:
+        """Something worth a line of its own happened."""
+        self._write(f"    {text}")
+
+    def done(self) -> None:
+        """The last stage is over."""
+        if self._current.index:
+            self._write(self._current.line())
+        self._current = _Stage()
+
+    def _write(self, text: str) -> None:
+        complain(text)
+
+
+class Bar(Lines):
+    """One line that is redrawn, with stage, energy, residual and time left; notes stay above it."""
+
+    def __init__(self, bar: RichProgress, verbose: bool = False) -> None:
+        super().__init__(verbose)
+        self._bar = bar
+        self._task = bar.add_task("", total=None, figures="")
+
+    def stage(self, name: str, index: int, total: int, half_width: float, segments: int) -> None:
+        """A stage begins: the bar stands at the stages before it."""
+        super().stage(name, index, total, half_width, segments)
+        heading = self._current.heading
+        self._bar.update(self._task, description=heading, total=total, completed=index - 1, figures="")
+
+    def step(self, iteration: int, energy: float, residual: float) -> None:
+        """A Newton step was taken."""
+        super().step(iteration, energy, residual)
+        self._bar.update(self._task, figures=f"E = {energy:.9f}  {residual:.1e}")
+
+    def done(self) -> None:
+        """A stage is over; only those who want every step want a line that stays."""
+        if self._verbose:
+            super().done()
+        if self._current.index:
+            self._bar.update(self._task, completed=self._current.index)
+        self._current = _Stage()
+
+    def _write(self, text: str) -> None:
+        self._bar.console.print(text, markup=False, highlight=False, soft_wrap=True)
+
+
+def _bar() -> RichProgress:
+    """An empty bar on standard error; it vanishes when it is over."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+    from rich.table import Column
+
+    return Progress(
+        TextColumn("{task.description}", markup=False, table_column=Column(no_wrap=True)),
+        BarColumn(bar_width=None, table_column=Column(ratio=1, min_width=4)),
+        TextColumn("{task.fields[figures]}", markup=False, table_column=Column(no_wrap=True)),
+        TimeRemainingColumn(compact=True),
+        console=Console(stderr=True),
+        expand=True,
+        transient=True,
+        refresh_per_second=4,
+    )

@@ -1,0 +1,158 @@
+"""Text for people: tables and listings of runs, states, plans and outcomes.
+
+Everything here turns plain values into text and computes nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from ribbon_cli.study import PlannedStage, Target
+
+MISSING = "-"
+State = Mapping[str, Any]
+"""A state's summary, as `ribbon_cli.store.summary` gives it."""
+
+_LEFT = frozenset({"status", "kind", "stage", "run", "last change", "name", "template"})
+"""Columns of words; the others hold numbers and are aligned on the right."""
+
+
+def columns(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Aligned columns under `heads`, two spaces apart."""
+    lines = [list(heads), *map(list, rows)]
+    widths = [max(len(line[k]) for line in lines) for k in range(len(heads))]
+    text = []
+    for line in lines:
+        cells = (
+            cell.ljust(width) if head in _LEFT else cell.rjust(width)
+            for head, cell, width in zip(heads, line, widths, strict=True)
+        )
+        text.append("  ".join(cells).rstrip())
+    return "\n".join(text)
+
+
+def number(value: float | int | None, spec: str = "") -> str:
+    """A number by a format specification; a dash where there is none."""
+    if value is None or (isinstance(value, float) and math.isnan(value)):
+        return MISSING
+    return format(value, spec)
+
+
+def duration(seconds: float) -> str:
+    """A time as people say it: 0.4 s, 12 s, 3 min 20 s, 2 h 05 min."""
+    if seconds < 9.95:
+        return f"{seconds:.1f} s"
+    minutes, rest = divmod(round(seconds), 60)
+    if minutes == 0:
+        return f"{rest} s"
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours} h {minutes:02} min" if hours else f"{minutes} min {rest:02} s"
+
+
+def _figures(state: State) -> list[str]:
+    """Energy, status, linking number, residuals and certificate of a state."""
+    return [
+        number(state["energy"], ".9f"),
+        state["status"],
+        number(state["linking_number"], ".4g"),
+        number(state["kkt_residual"], ".1e"),
+        number(state["constraint_residual"], ".1e"),
+        "yes" if state["certified"] else "no",
+    ]
+
+
+_FIGURES = ("E", "status", "Lk", "gradient", "constraint", "certificate")
+
+
+def states_table(states: Sequence[State], kinds: bool) -> str:
+    """The states of a run, with kind and stage if `kinds`."""
+    heads = ["label", "b", "N", *_FIGURES, *(("kind", "stage") if kinds else ())]
+    rows = (
+        [
+            str(state["label"]),
+            number(state["half_width"], ".10g"),
+            str(state["segments"]),
+            *_figures(state),
+            *((state["kind"], state["stage"]) if kinds else ()),
+        ]
+        for state in states
+    )
+    return columns(heads, rows)
+
+
+def targets_table(targets: Iterable[Target], states: Mapping[int, State]) -> str:
+    """What came of each target; `states` holds the summaries by label."""
+    rows = []
+    for target in targets:
+        state = None if target.label is None else states.get(target.label)
+        figures = [MISSING, "not reached", *[MISSING] * 4] if state is None else _figures(state)
+        label = MISSING if target.label is None else str(target.label)
+        rows.append([number(target.half_width, ".10g"), str(target.segments), label, *figures])
+    return columns(["b", "N", "label", *_FIGURES], rows)
+
+
+def runs_table(runs: Iterable[Mapping[str, Any]]) -> str:
+    """The runs in a folder."""
+    rows = (
+        [
+            run["name"],
+            number(run["equilibria"]),
+            number(run["states"]),
+            "damaged" if run["damage"] else {True: "yes", False: "no", None: MISSING}[run["complete"]],
+            run["last_change"] or MISSING,
+        ]
+        for run in runs
+    )
+    return columns(["run", "equilibria", "states", "complete", "last change"], rows)
+
+
+def listing(values: Mapping[str, Any]) -> str:
+    """Names and values, a line each; a mapping's own names are indented, a list stays on its line."""
+    return "\n".join(_listing_lines(values, ""))
+
+
+def _listing_lines(values: Mapping[str, Any], indent: str) -> list[str]:
+    plain = [name for name, value in values.items() if not isinstance(value, Mapping)]
+    width = max(map(len, plain), default=0)
+    lines = []
+    for name, value in values.items():
+        if isinstance(value, Mapping):
+            lines += [f"{indent}{name}:", *_listing_lines(value, f"{indent}  ")]
+        else:
+            lines.append(f"{indent}{name:{width}}  {_plain(value)}".rstrip())
+    return lines
+
+
+def _plain(value: Any) -> str:
+    """One value as text."""
+    if value is None:
+        return MISSING
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return MISSING if math.isnan(value) else f"{value:.10g}"
+    if isinstance(value, list | tuple):
+        return "; ".join(map(_plain, value)) or "none"
+    return str(value)
+
+
+def plan_table(stages: Sequence[PlannedStage], whole: bool) -> str:
+    """The stages of a plan; long series of one kind shortened to their ends unless `whole`."""
+    rows: list[list[str]] = []
+    for index, stage in enumerate(stages):
+        if whole or not _inside(stages, index):
+            place = [number(stage.half_width, ".10g"), str(stage.segments)]
+            rows.append([str(index + 1), stage.name, stage.kind, *place])
+        elif rows[-1][0] != "...":
+            rows.append(["...", "...", "", "", ""])
+    return columns(["", "stage", "kind", "b", "N"], rows)
+
+
+def _inside(stages: Sequence[PlannedStage], index: int) -> bool:
+    """Whether a stage and two neighbours on either side are of one kind, other than equilibrium."""
+    if not 2 <= index < len(stages) - 2 or stages[index].kind == "equilibrium":
+        return False
+    return len({stage.kind for stage in stages[index - 2 : index + 3]}) == 1

@@ -1,0 +1,100 @@
+"""The options that every command shares, before or after its name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+from ribbon_cli.cli.completion import complete_folder
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+_Command = TypeVar("_Command", bound=Callable[..., Any])
+
+
+@dataclass
+class Settings:
+    """What the shared options say, and facts on this process.
+
+    `runs` is None unless the option is given. `argv` is the command line, for the provenance. `commits` is
+    set by commands that store states: it decides what an interruption's message promises.
+    """
+
+    runs: str | None = None
+    json: bool = False
+    quiet: bool = False
+    verbose: bool = False
+    debug: bool = False
+    argv: tuple[str, ...] = ("ribbon",)
+    commits: bool = False
+
+    @property
+    def root(self) -> Path:
+        """Folder of the runs."""
+        from ribbon_cli.store import runs_root
+
+        return runs_root(self.runs)
+
+
+def _remember(ctx: click.Context, parameter: click.Parameter, value: Any) -> None:
+    """Keep an option's value where it was given, so that a default after the command changes nothing."""
+    settings = ctx.ensure_object(Settings)
+    if value:
+        setattr(settings, str(parameter.name), value)
+
+
+_OPTIONS = (
+    click.option(
+        "--runs",
+        metavar="DIR",
+        expose_value=False,
+        callback=_remember,
+        shell_complete=complete_folder,
+        help="Folder of the runs; else RIBBON_RUNS, else ./runs.",
+    ),
+    click.option(
+        "--json",
+        is_flag=True,
+        expose_value=False,
+        callback=_remember,
+        help="Print one JSON document instead of text.",
+    ),
+    click.option(
+        "-q",
+        "--quiet",
+        is_flag=True,
+        expose_value=False,
+        callback=_remember,
+        help="No progress and no messages but errors.",
+    ),
+    click.option(
+        "-v",
+        "--verbose",
+        is_flag=True,
+        expose_value=False,
+        callback=_remember,
+        help="More detail, such as every Newton step.",
+    ),
+    click.option(
+        "--debug",
+        is_flag=True,
+        expose_value=False,
+        callback=_remember,
+        help="Show the traceback of an error.",
+    ),
+)
+
+
+def common_options(command: _Command) -> _Command:
+    """Give a command the shared options; their values are in `Settings`."""
+    for option in reversed(_OPTIONS):
+        command = option(command)
+    return command
+
+
+pass_settings = click.make_pass_decorator(Settings, ensure=True)
+"""Hand a command its `Settings` as first argument."""

@@ -1,0 +1,118 @@
+"""`ribbon solve` and `ribbon refine`: what stores new states."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any, Literal
+
+import click
+
+from ribbon_cli.cli.completion import complete_file, complete_state
+from ribbon_cli.cli.output import complain, emit, emit_json, say
+from ribbon_cli.cli.settings import Settings, common_options, pass_settings
+from ribbon_cli.errors import UsageError
+
+if TYPE_CHECKING:
+    from ribbon_cli.study import Outcome
+
+
+class Whole(click.ParamType):
+    """A whole number, `low` or more."""
+
+    name = "whole number"
+
+    def __init__(self, low: int) -> None:
+        self.low = low
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
+        """Read the number. Raises click.BadParameter."""
+        text = str(value)
+        if not (text.isascii() and text.isdigit() and len(text) < 10 and int(text) >= self.low):
+            self.fail(f"must be a whole number, {self.low} or more, got {text!r}", param, ctx)
+        return int(text)
+
+
+@click.command()
+@click.argument("config", shell_complete=complete_file)
+@click.option("--fresh", is_flag=True, help="Start over; the run there is, is set aside, not deleted.")
+@common_options
+@pass_settings
+def solve(settings: Settings, config: str, fresh: bool) -> int:
+    """Run all stages of CONFIG; the same line again resumes.
+
+    Prints what came of each target. The exit code is 3 when one was not reached or has no certificate.
+    """
+    return report(settings, solve_config_file(settings, config, fresh))
+
+
+def solve_config_file(settings: Settings, path: str, fresh: bool = False) -> Outcome:
+    """Solve what a config's run still lacks, with progress shown. Raises what reading and solving raise."""
+    from ribbon_cli.cli.progress import progress
+    from ribbon_cli.config import load_config
+
+    config = load_config(path)
+    from ribbon_cli.study import solve_config
+
+    settings.commits = True
+    with progress(settings) as shown:
+        return solve_config(config, settings.root, fresh=fresh, progress=shown, argv=settings.argv)
+
+
+@click.command()
+@click.argument("state", shell_complete=complete_state)
+@click.option("--to", metavar="N", type=Whole(3), help="Number of segments to go to.")
+@click.option("--levels", metavar="K", type=Whole(1), help="How often to double the segments.")
+@click.option(
+    "--method",
+    type=click.Choice(["smooth", "split"]),
+    default="smooth",
+    show_default=True,
+    help="How the finer guess is made: by a smooth curve, or by splitting each facet.",
+)
+@common_options
+@pass_settings
+def refine(
+    settings: Settings, state: str, to: int | None, levels: int | None, method: Literal["smooth", "split"]
+) -> int:
+    """Refine a stored STATE; the results join its run."""
+    if (to is None) == (levels is None):
+        raise UsageError("give one of --to N and --levels K")
+    from ribbon_cli.cli.progress import progress
+    from ribbon_cli.study import refine_state
+
+    settings.commits = True
+    with progress(settings) as shown:
+        outcome = refine_state(
+            settings.root, state, to=to, levels=levels, method=method, progress=shown, argv=settings.argv
+        )
+    return report(settings, outcome)
+
+
+def report(settings: Settings, outcome: Outcome) -> int:
+    """Print what came of every target, and name failures on standard error; return the exit code."""
+    from ribbon_cli.cli.render import targets_table
+
+    states = {state["label"]: state for state in outcome.run.states(all=True)}
+    if settings.json:
+        targets = [asdict(target) for target in outcome.targets]
+        labels = {target.label for target in outcome.targets}
+        document = {
+            "run": outcome.run.name,
+            "path": str(outcome.run.path),
+            "exit_code": outcome.exit_code,
+            "new_states": outcome.new_states,
+            "targets": targets,
+            "states": [state for label, state in states.items() if label in labels],
+            "notes": list(outcome.notes),
+            "failures": list(outcome.failures),
+        }
+        emit_json(document)
+    else:
+        emit(targets_table(outcome.targets, states))
+    for note in outcome.notes:
+        say(settings, note)
+    new = f"{outcome.new_states} new state{'s' * (outcome.new_states != 1)}"
+    say(settings, f"{outcome.run.path}: {new}; `ribbon ls {outcome.run.short_name}` lists the run")
+    for failure in outcome.failures:
+        complain(f"ribbon: {failure}")
+    return outcome.exit_code

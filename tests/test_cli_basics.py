@@ -1,0 +1,212 @@
+"""The command line as a whole: help, near misses, exit codes, one line for each error."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import click
+import pytest
+from cli_support import COMMAND, environment, ribbon, run
+from store_support import make_run
+
+from ribbon_cli import errors
+from ribbon_cli.cli.main import cli
+from ribbon_cli.cli.output import emit
+
+
+@pytest.fixture
+def failing(monkeypatch):
+    """A command `fail` that raises what it is given."""
+
+    def add(error: BaseException) -> None:
+        def fail() -> None:
+            raise error
+
+        monkeypatch.setitem(cli.commands, "fail", click.Command("fail", callback=fail))
+
+    return add
+
+
+def test_help_lists_the_commands_in_the_order_of_use():
+    result = ribbon()
+    assert result.exit_code == 0
+    assert result.stdout == ribbon("--help").stdout == ribbon("-h").stdout
+    names = [line.split()[0] for line in result.stdout.partition("Commands:\n")[2].splitlines()]
+    assert names[:4] == ["init", "check", "solve", "refine"]
+    assert "..." not in result.stdout.partition("Commands:\n")[2]
+
+
+@pytest.mark.parametrize("name", sorted(cli.commands))
+def test_every_command_has_help_and_the_shared_options(name):
+    result = ribbon(name, "--help")
+    assert result.exit_code == 0
+    for option in ("--runs", "--json", "--quiet", "--verbose", "--debug"):
+        assert option in result.stdout
+
+
+def test_version():
+    result = ribbon("--version")
+    assert (result.exit_code, result.stdout) == (0, "ribbon 0.1.0\n")
+
+
+def test_the_entry_point_imports_nothing_heavy():
+    code = (
+        "import sys, ribbon_cli, ribbon_cli.cli.main\n"
+        "heavy = {'numpy', 'scipy', 'h5py', 'rich', 'matplotlib', 'yaml', 'qdldl', 'filelock'}\n"
+        "sys.exit(str(sorted(heavy & sys.modules.keys())) if heavy & sys.modules.keys() else 0)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_blas_has_one_thread_whatever_the_environment_says():
+    code = "import ribbon_cli.cli.main, os; print(*(os.environ[k] for k in os.environ if '_THREADS' in k))"
+    changes = {"OPENBLAS_NUM_THREADS": "8", "OMP_NUM_THREADS": "4", "MKL_NUM_THREADS": ""}
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=environment(**changes), capture_output=True, text=True, check=True
+    )
+    assert set(done.stdout.split()) == {"1"}
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (["slove"], "ribbon: no such command 'slove'; did you mean solve?"),
+        (["zzz"], "ribbon: no such command 'zzz'; `ribbon --help` lists the commands"),
+        (["solve", "--fersh", "x"], "did you mean --fresh?"),
+        (["--jsn", "ls"], "did you mean --json"),
+        (["--quiet"], "ribbon: missing command; `ribbon --help` tells more"),
+        (["solve"], "ribbon: missing argument 'CONFIG'; `ribbon solve --help` tells more"),
+        (["solve", "a", "b"], "ribbon: got unexpected extra argument (b); `ribbon solve --help` tells more"),
+        (["refine", "x:1", "--to", "many"], "must be a whole number, 3 or more, got 'many'"),
+        (["refine", "x:1", "--to", "9" * 5000], "must be a whole number, 3 or more, got"),
+        (["refine", "x:1"], "ribbon: give one of --to N and --levels K"),
+        (["refine", "x:1", "--to", "80", "--levels", "1"], "ribbon: give one of --to N and --levels K"),
+        (["refine", "x:1", "--to", "80", "--method", "smoth"], "'smoth' is not one of 'smooth', 'split'"),
+        (["convergence-table", "x", "--json", "--format", "csv"], "exclude each other"),
+        (["convergence-table", "x", "--second-minimum", "y:1"], "--second-minimum needs --thesis"),
+        (["completion", "tcsh"], "'tcsh' is not one of 'bash', 'zsh', 'fish'"),
+        (["export", "x:1"], "ribbon: missing option '--to'"),
+        (["export", "x:1", "--to"], "option '--to' requires an argument"),
+        (["solve", "nosuch.yaml"], "nosuch.yaml: no such file"),
+    ],
+)
+def test_usage_errors_are_one_line_and_exit_code_2(words, line, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for more in ([], ["-q"]) if len(words) > 1 and words[-1] != "--to" else ([],):
+        result = ribbon(*words, *more)
+        assert result.exit_code == 2
+        assert result.stdout == ""
+        assert line in result.stderr
+        assert result.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("error", "code"),
+    [
+        (errors.UsageError("u"), 2),
+        (errors.TargetError("t"), 3),
+        (errors.StoreError("s"), 4),
+        (errors.LockedError("l"), 5),
+        (errors.RibbonError("r"), 1),
+        (click.ClickException("c"), 2),
+    ],
+)
+def test_errors_are_one_line_with_their_exit_code(failing, error, code):
+    failing(error)
+    result = ribbon("--quiet", "fail")
+    assert (result.exit_code, result.stdout, result.stderr) == (code, "", f"ribbon: {error}\n")
+
+
+def test_unforeseen_errors_are_one_line_and_exit_code_1(failing):
+    failing(ZeroDivisionError("by\nnought"))
+    result = ribbon("fail")
+    line = "ribbon: internal error: ZeroDivisionError: by nought (run again with --debug)\n"
+    assert (result.exit_code, result.stdout, result.stderr) == (1, "", line)
+    failing(AssertionError())
+    assert ribbon("fail").stderr == "ribbon: internal error: AssertionError (run again with --debug)\n"
+
+
+def test_debug_shows_the_traceback_before_the_line(failing):
+    failing(errors.StoreError("damaged"))
+    result = ribbon("--debug", "fail")
+    assert result.exit_code == 4
+    assert result.stderr.startswith("Traceback (most recent call last):\n")
+    assert result.stderr.endswith("\nribbon: damaged\n")
+
+
+def test_an_interruption_is_130(failing):
+    failing(KeyboardInterrupt())
+    result = ribbon("fail")
+    assert result.exit_code == 130
+    assert result.stderr.strip() == "ribbon: interrupted by SIGINT"
+
+
+def test_shared_options_go_before_and_after_the_command(tmp_path):
+    make_run(tmp_path / "mine", 1)
+    expected = ribbon("ls", "--runs", tmp_path / "mine", "--json").stdout
+    assert '"name": "mobius-0123abcd"' in expected
+    assert ribbon("--runs", tmp_path / "mine", "--json", "ls").stdout == expected
+    assert ribbon("--json", "ls", "--runs", tmp_path / "mine").stdout == expected
+    # The nearer to the command wins.
+    assert ribbon("--runs", "elsewhere", "ls", "--runs", tmp_path / "mine", "--json").stdout == expected
+    assert ribbon("ls", "--json", env={"RIBBON_RUNS": str(tmp_path / "mine")}).stdout == expected
+
+
+def test_a_reader_that_leaves_is_no_failure(tmp_path):
+    make_run(tmp_path / "runs", 1)
+    read, write = os.pipe()
+    os.close(read)
+    with os.fdopen(write, "w") as gone:
+        done = subprocess.run(
+            [*COMMAND, "ls"],
+            cwd=tmp_path,
+            stdout=gone,
+            stderr=subprocess.PIPE,
+            env=environment(),
+            text=True,
+            check=False,
+        )
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+def test_a_full_disk_is_a_failure(tmp_path):
+    make_run(tmp_path / "runs", 1)
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            [*COMMAND, "ls"],
+            cwd=tmp_path,
+            stdout=full,
+            stderr=subprocess.PIPE,
+            env=environment(),
+            text=True,
+            check=False,
+        )
+    assert done.returncode == 1
+    assert done.stderr == "ribbon: standard output cannot be written: No space left on device\n"
+
+
+def test_output_survives_closed_streams_and_narrow_encodings(tmp_path, monkeypatch):
+    monkeypatch.setattr(sys, "stdout", None)
+    emit("nobody reads this")
+    monkeypatch.undo()
+    make_run(tmp_path / "runs", 1)
+    done = run("show", "mobius:1", cwd=tmp_path, PYTHONIOENCODING="latin-1")
+    assert done.returncode == 0
+    assert "\\u03ba changes sign" in done.stdout
+
+
+def test_sigterm_before_anything_is_committed(tmp_path):
+    """A command that only reads promises nothing about what is kept."""
+    code = (
+        "import os, signal, click, ribbon_cli.cli.main as m\n"
+        "m.cli.add_command(click.Command('wait', callback=lambda: os.kill(os.getpid(), signal.SIGTERM)))\n"
+        "import sys; sys.argv = ['ribbon', 'wait']; m.main()"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (128 + signal.SIGTERM, "")
+    assert done.stderr == "ribbon: interrupted by SIGTERM\n"

@@ -1,0 +1,116 @@
+"""Progress: a line a stage, a bar on a terminal, nothing when quiet."""
+
+from __future__ import annotations
+
+import io
+
+import pytest
+from cli_support import ESCAPE
+
+from ribbon_cli.cli import progress as module
+from ribbon_cli.cli.render import duration
+from ribbon_cli.cli.settings import Settings
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+def play(settings: Settings) -> None:
+    """Two stages, the second with a note and without steps."""
+    with module.progress(settings) as shown:
+        if shown is None:
+            return
+        shown.stage("twist 1/1", 1, 12, 0.1, 50)
+        shown.step(1, 1.5, 1e-3)
+        shown.step(2, 1.25, 3e-12)
+        shown.stage("b = 0.5 [final]", 2, 12, 0.5, 100)
+        shown.note("a saddle was left [index 1]")
+        shown.done()
+
+
+@pytest.fixture
+def stderr(monkeypatch):
+    def put(stream: io.StringIO) -> io.StringIO:
+        monkeypatch.setattr("sys.stderr", stream)
+        monkeypatch.setattr(module, "duration", lambda seconds: "0.1 s")
+        monkeypatch.setenv("TERM", "xterm-256color")
+        monkeypatch.setenv("COLUMNS", "120")
+        return stream
+
+    return put
+
+
+def test_lines_where_there_is_no_terminal(stderr, monkeypatch):
+    stream = stderr(io.StringIO())
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    play(Settings())
+    assert stream.getvalue().splitlines() == [
+        "[ 1/12] twist 1/1: b = 0.1, N = 50: E = 1.250000000, residual 3.0e-12, 2 steps, 0.1 s",
+        "    a saddle was left [index 1]",
+        "[ 2/12] b = 0.5 [final]: b = 0.5, N = 100",
+    ]
+
+
+def test_verbose_lines_show_every_step(stderr):
+    stream = stderr(io.StringIO())
+    play(Settings(verbose=True))
+    assert stream.getvalue().splitlines()[:2] == [
+        "    step 1: E = 1.500000000, residual 1.0e-03",
+        "    step 2: E = 1.250000000, residual 3.0e-12",
+    ]
+
+
+def test_quiet_is_silent(stderr):
+    stream = stderr(Terminal())
+    play(Settings(quiet=True))
+    assert stream.getvalue() == ""
+
+
+@pytest.mark.parametrize("colour", [True, False])
+def test_a_terminal_gets_a_bar(stderr, monkeypatch, colour):
+    stream = stderr(Terminal())
+    if colour:
+        monkeypatch.delenv("NO_COLOR", raising=False)
+    else:
+        monkeypatch.setenv("NO_COLOR", "1")
+    play(Settings())
+    text = stream.getvalue()
+    for part in ("[ 2/12] b = 0.5 [final]: b = 0.5, N = 100", "a saddle was left [index 1]"):
+        assert part in text
+    assert f"{ESCAPE}[?25l" in text
+    assert text.rfind(f"{ESCAPE}[?25h") > text.rfind(f"{ESCAPE}[?25l")
+    colours = [f"{ESCAPE}[3{k}" in text or f";3{k}" in text for k in range(9)]
+    assert any(colours) == colour
+
+
+def test_a_dumb_terminal_gets_lines(stderr, monkeypatch):
+    stream = stderr(Terminal())
+    monkeypatch.setenv("TERM", "dumb")
+    play(Settings())
+    assert ESCAPE not in stream.getvalue()
+    assert stream.getvalue().startswith("[ 1/12] twist 1/1")
+
+
+def test_a_verbose_terminal_keeps_a_line_for_each_stage(stderr):
+    stream = stderr(Terminal())
+    play(Settings(verbose=True))
+    assert "step 2: E = 1.250000000" in stream.getvalue()
+    assert "2 steps, 0.1 s" in stream.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"),
+    [
+        (0.04, "0.0 s"),
+        (9.94, "9.9 s"),
+        (9.96, "10 s"),
+        (59.4, "59 s"),
+        (59.6, "1 min 00 s"),
+        (200, "3 min 20 s"),
+        (7500, "2 h 05 min"),
+    ],
+)
+def test_durations(seconds, text):
+    assert duration(seconds) == text
