@@ -18,15 +18,16 @@ class Terminal(io.StringIO):
 
 
 def play(settings: Settings) -> None:
-    """Two stages, the second with a note and without steps."""
+    """Three stages, the second with a note, the last two without steps."""
     with module.progress(settings) as shown:
         if shown is None:
             return
         shown.stage("twist 1/1", 1, 12, 0.1, 50)
         shown.step(1, 1.5, 1e-3)
         shown.step(2, 1.25, 3e-12)
-        shown.stage("b = 0.5 [final]", 2, 12, 0.5, 100)
+        shown.stage("freed [again]", 2, 12, 0.5, 100)
         shown.note("a saddle was left [index 1]")
+        shown.stage("b = 0.5, refined to N = 200", 3, 12, 0.5, 200)
         shown.done()
 
 
@@ -49,7 +50,8 @@ def test_lines_where_there_is_no_terminal(stderr, monkeypatch):
     assert stream.getvalue().splitlines() == [
         "[ 1/12] twist 1/1: b = 0.1, N = 50: E = 1.250000000, residual 3.0e-12, 2 steps, 0.1 s",
         "    a saddle was left [index 1]",
-        "[ 2/12] b = 0.5 [final]: b = 0.5, N = 100",
+        "[ 2/12] freed [again]: b = 0.5, N = 100",
+        "[ 3/12] b = 0.5, N = 200",
     ]
 
 
@@ -77,7 +79,7 @@ def test_a_terminal_gets_a_bar(stderr, monkeypatch, colour):
         monkeypatch.setenv("NO_COLOR", "1")
     play(Settings())
     text = stream.getvalue()
-    for part in ("[ 2/12] b = 0.5 [final]: b = 0.5, N = 100", "a saddle was left [index 1]"):
+    for part in ("[ 3/12] b = 0.5, N = 200", "a saddle was left [index 1]"):
         assert part in text
     assert f"{ESCAPE}[?25l" in text
     assert text.rfind(f"{ESCAPE}[?25h") > text.rfind(f"{ESCAPE}[?25l")

@@ -61,7 +61,9 @@ class _Stage:
         """Which of how many stages this is, and where it is."""
         width = len(str(self.total))
         place = f"b = {self.half_width:g}, N = {self.segments}"
-        return f"[{self.index:{width}}/{self.total}] {self.name}: {place}"
+        # Some stages are named by where they end.
+        name = "" if self.name.startswith("b = ") else f"{self.name}: "
+        return f"[{self.index:{width}}/{self.total}] {name}{place}"
 
     def step_line(self) -> str:
         """The last step."""

@@ -144,7 +144,7 @@ def plan_table(stages: Sequence[PlannedStage], whole: bool) -> str:
     rows: list[list[str]] = []
     for index, stage in enumerate(stages):
         if whole or not _inside(stages, index):
-            place = [number(stage.half_width, ".10g"), str(stage.segments)]
+            place = [number(stage.half_width, ".10g"), number(stage.segments)]
             rows.append([str(index + 1), stage.name, stage.kind, *place])
         elif rows[-1][0] != "...":
             rows.append(["...", "...", "", "", ""])

@@ -89,7 +89,10 @@ def refine(
 
 
 def report(settings: Settings, outcome: Outcome) -> int:
-    """Print what came of every target, and name failures on standard error; return the exit code."""
+    """Print what came of every target, and name failures on standard error; return the exit code.
+
+    The outcome's notes have been shown as they came up; only JSON repeats them.
+    """
     from ribbon_cli.cli.render import targets_table
 
     states = {state["label"]: state for state in outcome.run.states(all=True)}
@@ -109,8 +112,6 @@ def report(settings: Settings, outcome: Outcome) -> int:
         emit_json(document)
     else:
         emit(targets_table(outcome.targets, states))
-    for note in outcome.notes:
-        say(settings, note)
     new = f"{outcome.new_states} new state{'s' * (outcome.new_states != 1)}"
     say(settings, f"{outcome.run.path}: {new}; `ribbon ls {outcome.run.short_name}` lists the run")
     for failure in outcome.failures:

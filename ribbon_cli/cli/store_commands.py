@@ -85,6 +85,8 @@ def _is_complete(run: Run, states: list[dict[str, Any]]) -> bool | None:
     except RibbonError:
         return None
     wanted = {(stage.half_width, stage.segments) for stage in stages if stage.kind == "equilibrium"}
+    if any(None in place for place in wanted):
+        return None
     return wanted <= {(state["half_width"], state["segments"]) for state in states}
 
 

@@ -120,7 +120,8 @@ class Multipliers:
     def from_vector(cls, segments: int, y: Array) -> Multipliers:
         """Unpack (5N+3,) ordered node by node, closure last."""
         node = y[: 5 * segments].reshape(segments, 5)
-        return cls(*(node[:, k].copy() for k in range(5)), y[5 * segments : 5 * segments + 3].copy())
+        one, two, three, four, five = (node[:, k].copy() for k in range(5))
+        return cls(one, two, three, four, five, y[5 * segments : 5 * segments + 3].copy())
 
     def vector(self) -> Array:
         """Pack into (5N+3,) ordered node by node, closure last."""

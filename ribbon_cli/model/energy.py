@@ -12,8 +12,8 @@ import numpy as np
 from .band import Array, Band, Discretisation
 from .stencil import G, SIZE, U0, X0, U, X
 
-# x coth x = sum 2^(2n) B_2n x^(2n) / (2n)!, Abramowitz & Stegun 4.5.67; nine terms give full double
-# precision for |x| < SERIES_BELOW, where the closed forms would cancel.
+# x coth x = sum 2^(2n) B_2n x^(2n) / (2n)!, Abramowitz & Stegun 4.5.67; fourteen terms give F, F' and F''
+# to full double precision for |x| < SERIES_BELOW, where the closed forms would cancel.
 _COEFFICIENTS = (
     1.0,
     1 / 3,
@@ -24,6 +24,11 @@ _COEFFICIENTS = (
     -1382 / 638512875,
     4 / 18243225,
     -3617 / 162820783125,
+    87734 / 38979295480125,
+    -349222 / 1531329465290625,
+    310732 / 13447856940643125,
+    -472728182 / 201919571963756521875,
+    2631724 / 11094481976030578125,
 )
 SERIES_BELOW = 0.5
 _ARGUMENT_CAP = 350.0  # sinh overflows at 710; beyond this its square is infinite and F' = sign x
@@ -33,7 +38,7 @@ def coth_factor(x: Array) -> tuple[Array, Array, Array]:
     """F(x) = x / tanh x with F' and F'', of any shape, Koldaev (2022), (1.56)."""
     x = np.asarray(x, dtype=np.float64)
     small = np.abs(x) < SERIES_BELOW
-    t = np.where(small, x * x, 0.0)
+    t = np.where(small, x, 0.0) ** 2
     f, f1, f2 = (np.zeros_like(x) for _ in range(3))
     for n in range(len(_COEFFICIENTS) - 1, -1, -1):
         c = _COEFFICIENTS[n]

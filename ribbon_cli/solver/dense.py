@@ -111,9 +111,10 @@ class _Point:
 
     @classmethod
     def at(cls, problem: Problem, x: Array, multipliers: Array) -> _Point:
-        local = problem.local_derivatives(x, multipliers)
-        kkt = local.gradient - problem.jacobian_matrix(local).T @ multipliers
-        constraint = float(np.abs(local.constraints / problem.weights).max())
+        with np.errstate(over="ignore", invalid="ignore"):  # such points are refused by their residuals
+            local = problem.local_derivatives(x, multipliers)
+            kkt = local.gradient - problem.jacobian_matrix(local).T @ multipliers
+            constraint = float(np.abs(local.constraints / problem.weights).max())
         return cls(x, multipliers, local, float(np.abs(kkt).max()), constraint)
 
     @property

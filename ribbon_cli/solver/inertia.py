@@ -82,12 +82,15 @@ class BlockReduction:
         corner = np.zeros((border.shape[2], border.shape[2]))
         if shift:
             unknowns = np.arange(7)
-            diagonal[:, unknowns, unknowns] -= shift * (matrix.scale[: matrix.size] ** 2).reshape(-1, 7)
+            diagonal[:, unknowns, unknowns] -= shift * matrix.metric.reshape(-1, 7)
         self._levels: list[_Level] = []
         negative, gap = 0, np.inf
         while diagonal.shape[0] > 2:
             n = diagonal.shape[0]
             gone = np.arange(1, n - 1 if n % 2 else n, 2)
+            if n == blocks.held.size and not blocks.held[gone].all():
+                # A node with a held ruling has more rows than free unknowns: no pivot by itself.
+                gone = gone[~blocks.held[gone]]
             left, right = gone - 1, (gone + 1) % n
             vectors, inverse, count, narrow = _pivot(diagonal[gone])
             negative += count
@@ -111,7 +114,9 @@ class BlockReduction:
         self._width = corner.shape[0]
         vectors, inverse, count, narrow = _pivot(_join(diagonal, coupling, border, corner)[None])
         self._last = (vectors[0], inverse[0])
-        self.inertia = Inertia(negative + count - matrix.border, min(gap, narrow))
+        # Held components stand in K as ones on the diagonal, whatever the metric: no eigenvalues of W_c.
+        held = int((matrix.metric[matrix.fixed] * shift > 1.0).sum())
+        self.inertia = Inertia(negative + count - matrix.border - held, min(gap, narrow))
 
     def solve(self, rhs: Array) -> Array:
         """Solve the scaled system for rhs (n+m+r,)."""

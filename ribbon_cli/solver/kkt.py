@@ -85,7 +85,8 @@ def scaling(problem: Problem, rotations: int) -> Array:
 
 @dataclass(frozen=True)
 class NodeBlocks:
-    """K node by node: `diagonal` (N,12,12), `coupling` to the next node (N,12,12), `border` (N,12,c).
+    """K node by node: `diagonal` (N,12,12), `coupling` to the next node (N,12,12), `border` (N,12,c),
+    and the nodes whose ruling is `held` (N,).
 
     `position` is the place of every row of K in this order, border (closure, gauge) last.
     """
@@ -94,12 +95,14 @@ class NodeBlocks:
     diagonal: Array
     coupling: Array
     border: Array
+    held: NDArray[np.bool_]
 
 
 class KKTMatrix:
     """The KKT matrix at one point; `upper` is the scaled upper triangle without regularisation.
 
-    `scale` is s above; `size` is 7N, `border` the number of multiplier and gauge rows.
+    `scale` is s above; `size` is 7N, `border` the number of multiplier and gauge rows; `metric` (7N,) is the
+    scaled diagonal that shifts multiply, Euclidean unless `with_metric` says otherwise.
     """
 
     def __init__(self, problem: Problem, local: LocalDerivatives, rotations: Array) -> None:
@@ -108,12 +111,13 @@ class KKTMatrix:
         self.rotations = rotations
         self.gauge = rotations.shape[1]
         self.border = problem.rows + self.gauge
-        self.fixed = int(problem.fixed.sum())
+        self.fixed = problem.fixed
         self.scale = scaling(problem, self.gauge)
+        self.metric = self.scale[: self.size] ** 2
         self.pattern = _pattern(n, problem.prescription.seam is not None, self.gauge)
         moving = rotations.reshape(n, 7, -1)[:, :6].reshape(6 * n, -1)
         diagonal = np.zeros(self.size + self.border)
-        diagonal[: self.size][problem.fixed] = 1.0
+        diagonal[: self.size][problem.fixed] = 1.0 / self.scale[: self.size][problem.fixed] ** 2
         hessian = local.hessian.reshape(n, SIZE * SIZE)[:, HESSIAN_ENTRIES].ravel()
         values = np.concatenate(
             (
@@ -136,12 +140,20 @@ class KKTMatrix:
         """The matrix as a cyclic block-tridiagonal one with a border."""
         return _node_blocks(self)
 
-    def with_unit_metric(self) -> KKTMatrix:
-        """The same matrix with the identity in place of the scaled Hessian."""
+    def with_metric(self, weights: Array) -> KKTMatrix:
+        """The same matrix with shifts measured in the metric of diagonal weights (7N,)."""
+        out = copy(self)
+        out.metric = self.scale[: self.size] ** 2 * weights
+        return out
+
+    def with_unit_metric(self, *, scaled: bool = True) -> KKTMatrix:
+        """The same matrix with the identity, on the scaled unknowns or on x itself, for the Hessian."""
         out = copy(self)
         out.__dict__.pop("node_blocks", None)
         out.upper = self.upper.copy()
-        out.upper.data[out.upper.indptr[1 : self.size + 1] - 1] = 1.0
+        out.upper.data[: out.upper.indptr[self.size]] = 0.0
+        identity = 1.0 if scaled else self.scale[: self.size] ** 2
+        out.upper.data[out.upper.indptr[1 : self.size + 1] - 1] = identity
         out._strict = out.upper - sparse.diags(out.upper.diagonal())
         return out
 
@@ -152,9 +164,7 @@ class KKTMatrix:
 
     def regularised(self, shift: float, delta: float) -> sparse.csc_matrix:
         """Upper triangle of K - shift (on x, unscaled metric) - delta (on multipliers, scaled)."""
-        diagonal = np.concatenate(
-            (-shift * self.scale[: self.size] ** 2, np.full(self.border, -delta))
-        )
+        diagonal = np.concatenate((-shift * self.metric, np.full(self.border, -delta)))
         out = self.upper.copy()
         last = out.indptr[1:] - 1  # sorted columns of an upper triangle end on the diagonal
         out.data[last] += diagonal
@@ -195,4 +205,4 @@ def _node_blocks(matrix: KKTMatrix) -> NodeBlocks:
     diagonal[owner[here], row[here] % BLOCK, column[here] % BLOCK] = value[here]
     forward = ~here & (other == (owner + 1) % n)
     coupling[owner[forward], row[forward] % BLOCK, column[forward] % BLOCK] = value[forward]
-    return NodeBlocks(position, diagonal, coupling, border)
+    return NodeBlocks(position, diagonal, coupling, border, matrix.fixed.reshape(n, 7).any(axis=1))

@@ -45,7 +45,7 @@ class Factor:
         self.shift = shift
         if not np.isfinite(matrix.upper.data).all():
             raise FactorisationError("the KKT matrix is not finite")
-        self._shift_diagonal = shift * matrix.scale[: matrix.size] ** 2
+        self._shift_diagonal = shift * matrix.metric
         self._tried = 0
         self._blocks: BlockReduction | None = None
         self._solver = self._factor(DELTAS[0])

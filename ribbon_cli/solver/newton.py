@@ -46,8 +46,7 @@ class Options:
 
 SHORTEST = 2.0**-14
 GUARD_FROM = 1e-3
-"""Steps that change nothing by more than this cannot carry a band through itself unseen: the next
-longer one is checked, and so is the end."""
+"""Change since the last check of the guard from which the next accepted point is checked; the end always is."""
 ARMIJO = 1e-4
 MOST_CORRECTIONS = 4
 NEAR_SADDLE = 1e-3
@@ -80,10 +79,7 @@ def estimate_multipliers(problem: Problem, x: Array) -> Array:
     Raises FactorisationError if the constraints are linearly dependent at x.
     """
     local = problem.local_derivatives(x, np.zeros(problem.rows))
-    identity = LocalDerivatives(
-        local.energy, local.gradient, local.constraints, local.jacobian, np.zeros_like(local.hessian)
-    )
-    matrix = KKTMatrix(problem, identity, np.zeros((problem.size, 0)))
+    matrix = KKTMatrix(problem, local, np.zeros((problem.size, 0)))
     # The scaled metric: identity on the scaled unknowns, which is diag(1/s^2) on x.
     factor = Factor(matrix.with_unit_metric())
     z = factor.solve(np.concatenate((-local.gradient, np.zeros(problem.rows))))
@@ -150,24 +146,30 @@ class _Solve:
         self.saddles: list[SaddleMet] = []
         self.surplus_seen = 0
         self.trouble = (Status.STALLED, "")
+        self.unguarded = 0.0
+        self.last: _Point
 
     def run(self, x: Array, multipliers: Array | None) -> Result:
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            return self._run(x, multipliers)
+
+    def _run(self, x: Array, multipliers: Array | None) -> Result:
+        self.last = _point(self.problem, x, np.zeros(self.problem.rows))
+        if not np.isfinite(self.last.worst):
+            return self._result(Status.NOT_FINITE, self.last)
+        if (inverted_facets(self.problem, x) <= 0).any():
+            return self._result(Status.INVERTED_FACET, self.last, detail="It was so at the start.")
         try:
             if multipliers is None:
                 multipliers = estimate_multipliers(self.problem, x)
-            point = _point(self.problem, x, multipliers)
-            if not np.isfinite(point.worst):
-                return self._result(Status.NOT_FINITE, point)
-            if (inverted_facets(self.problem, x) <= 0).any():
-                return self._result(Status.INVERTED_FACET, point, detail="It was so at the start.")
-            return self._iterate(point)
+            self.last = _point(self.problem, x, multipliers)
+            return self._iterate(self.last)
         except FactorisationError as error:
-            start = _point(self.problem, x, np.zeros(self.problem.rows))
-            status = Status.STALLED if np.isfinite(start.worst) else Status.NOT_FINITE
-            return self._result(status, start, detail=f"({error}.)")
+            return self._result(Status.STALLED, self.last, detail=f"({error}.)")
 
     def _iterate(self, point: _Point) -> Result:
         while True:
+            self.last = point
             factor = self._factor(point)
             found = direction(self.problem, point.local, point.multipliers, factor)
             self.surplus_seen = max(self.surplus_seen, found.index)
@@ -193,6 +195,9 @@ class _Solve:
         self, point: _Point, factor: Factor, found: Direction
     ) -> tuple[Result | None, _Point | None]:
         """What a stationary point is: a result, or the point to go on from if it is a saddle to leave."""
+        complaint = self._complaint(point)
+        if complaint:
+            return self._result(Status.LEFT_TOPOLOGY, point, detail=complaint), None
         count = inertia(factor.matrix)
         if not count.trusted:
             return self._result(Status.UNDECIDED, point, detail=f"(Pivot gap {count.gap:.1e}.)"), None
@@ -287,13 +292,20 @@ class _Solve:
         if (inverted_facets(self.problem, trial.x) <= 0).any():
             self.trouble = (Status.INVERTED_FACET, "")
             return False
-        guard = self.options.guard
-        if guard is not None and change(self.problem, point.x, trial.x - point.x) > GUARD_FROM:
-            complaint = guard(self.problem.state(trial.x))
+        # Short steps go unchecked until together they are long enough to carry the band through itself.
+        self.unguarded += change(self.problem, point.x, trial.x - point.x)
+        if self.unguarded > GUARD_FROM:
+            complaint = self._complaint(trial)
             if complaint:
                 self.trouble = (Status.LEFT_TOPOLOGY, complaint)
                 return False
         return True
+
+    def _complaint(self, point: _Point) -> str | None:
+        """What the guard says of a point."""
+        self.unguarded = 0.0
+        guard = self.options.guard
+        return None if guard is None else guard(self.problem.state(point.x))
 
     def _record_saddle(self, point: _Point, found: Direction) -> None:
         self.saddles.append(

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from ..model import folding
-from ..model.band import Array, Band, Multipliers, State
+from ..model.band import Array, Band, State
 
 
 STEEPENING = 2.7
@@ -35,7 +35,6 @@ class Start:
     """A start on the new grid; `state` is isometric if it comes from smooth prolongation."""
 
     state: State
-    multipliers: Multipliers
     method: str
 
 
@@ -80,7 +79,7 @@ def grid_shift(roots: Array, h: float, phase: Phase) -> float:
     return float(np.angle(turns.sum()) / (2 * np.pi) * h)
 
 
-def smooth(state: State, multipliers: Multipliers, segments: int, phase: Phase = Phase.FACET) -> Start:
+def smooth(state: State, segments: int, phase: Phase = Phase.FACET) -> Start:
     """Smooth prolongation to any number of segments.
 
     Raises ClosureError where the interpolated rulings meet inside the strip or it cannot be closed.
@@ -95,7 +94,15 @@ def smooth(state: State, multipliers: Multipliers, segments: int, phase: Phase =
     theta = _sample(kappa, 0.0, sigma, length, nodes) * new.h * np.sqrt(1.0 + eta**2)
     closed = folding.close(folding.Folding(theta, eta), sigma)
     fine = _placed_like(state, folding.to_state(new, closed), shift)
-    return Start(fine, _sampled_multipliers(multipliers, old, new, nodes), "smooth prolongation")
+    return Start(fine, f"smooth prolongation, inflection on a {phase.value}")
+
+
+def phase_of(state: State) -> Phase:
+    """The grid phase of a state: whether its inflections lie nearer to nodes or to facets' middles."""
+    roots = inflections(curvature(state), state.band)
+    if roots.size == 0:
+        return Phase.FACET
+    return Phase.NODE if float(np.cos(2 * np.pi * roots / state.band.h).sum()) > 0 else Phase.FACET
 
 
 def _sample(values: Array, first: float, sign: int, length: float, s: Array) -> Array:
@@ -144,28 +151,9 @@ def _placed_like(coarse: State, fine: State, shift: float) -> State:
     return State(fine.band, fine.u @ turn, g, fine.xi)
 
 
-def _sampled_multipliers(old: Multipliers, coarse: Band, fine: Band, nodes: Array) -> Multipliers:
-    """Multiplier fields on the new grid; lambda_3 and lambda_5 are odd in g, so they carry sigma."""
-    middles, half = nodes + 0.5 * fine.h, 0.5 * coarse.h
-    sigma, length = coarse.sigma, coarse.length
-    return Multipliers(
-        _sample(old.lambda_1, half, 1, length, middles),
-        _sample(old.lambda_2, 0.0, 1, length, nodes),
-        _sample(old.lambda_3, 0.0, sigma, length, nodes),
-        _sample(old.lambda_4, half, 1, length, middles),
-        _sample(old.lambda_5, half, sigma, length, middles),
-        old.gamma.copy(),
-    )
-
-
-def split(state: State, multipliers: Multipliers) -> Start:
+def split(state: State) -> Start:
     """Split every facet in two, Koldaev (2022), section 3.1: u is kept, the middle ruling averages."""
-    old = state.band
-    new = old.with_segments(2 * old.segments)
+    new = state.band.with_segments(2 * state.band.segments)
     u = np.repeat(state.u, 2, axis=0)
-    following = state.next_rulings()
-    g = np.stack((state.g, 0.5 * (state.g + following)), axis=1).reshape(-1, 3)
-    xi = np.repeat(state.xi, 2)
-    fields = (multipliers.lambda_1, multipliers.lambda_2, multipliers.lambda_3, multipliers.lambda_4)
-    doubled = [np.repeat(f, 2) for f in (*fields, multipliers.lambda_5)]
-    return Start(State(new, u, g, xi), Multipliers(*doubled, multipliers.gamma.copy()), "facets split in two")
+    g = np.stack((state.g, 0.5 * (state.g + state.next_rulings())), axis=1).reshape(-1, 3)
+    return Start(State(new, u, g, np.repeat(state.xi, 2)), "facets split in two")

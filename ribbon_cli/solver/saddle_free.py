@@ -153,7 +153,8 @@ def direction(
     if index is None and count != 0:
         # A count by regularised pivots can be off where the matrix is ill-conditioned; eigenpairs are
         # looked for only if the block reduction, which needs no regularisation, confirms it.
-        count = inertia(factor.matrix).negative
+        confirmed = inertia(factor.matrix)
+        count = confirmed.negative if confirmed.trusted else 0
     if count <= 0:
         return Direction(step, new, np.empty(0), np.empty((n, 0)), step, new)
     if count > LANCZOS_LIMIT or 6 * count > 2 * problem.band.segments:
@@ -198,6 +199,8 @@ def dense_negative_eigenpairs(
     hessian = problem.hessian_matrix(local)
     values, y = linalg.eigh(basis.T @ (hessian @ basis))
     keep = values < 0
+    if not keep.any():
+        return values[keep], basis @ y[:, keep], np.empty((problem.rows, 0))
     vectors = basis @ y[:, keep]
     excess = hessian @ vectors - vectors * values[keep]
     rows = np.vstack((problem.jacobian_matrix(local).toarray(), rotations.T))

@@ -1,0 +1,73 @@
+"""The twist: the cylinder's seam ruling turned until the band is twisted, Koldaev (2022), 3.3.1.
+
+g_1 stays along v_3 and g_{N+1} = sin(phi) v_2 + cos(phi) v_3 turns in equal steps, (3.9)-(3.10) with the
+misprinted index N/2+1 read as N+1. Both ends are prescribed, each with its g.u = 0; while the seam is open,
+Tw + Wr = phi / (2 pi), and a departure by more than a quarter means that the band went through itself.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..model.band import Array, State
+from ..model.problem import Prescription
+from ..model.topology import open_turn
+
+FIRST = np.array([0.0, 0.0, 1.0])
+
+
+@dataclass(frozen=True)
+class TwistStage:
+    """One auxiliary problem: stage `index` of `count`, the seam turned by `angle` (signed, radians)."""
+
+    index: int
+    count: int
+    angle: float
+    prescription: Prescription
+
+    @property
+    def name(self) -> str:
+        """The stage in words."""
+        return f"twist {self.index}/{self.count}"
+
+    def guard(self) -> Callable[[State], str | None]:
+        """Complain about states that turned by something else than `angle`."""
+
+        def check(state: State) -> str | None:
+            try:
+                turn = open_turn(state.u, state.g, state.band.h)
+            except ValueError:
+                return None  # not closed yet: between iterates sum u is not zero
+            if abs(turn - self.angle / (2 * math.pi)) > 0.25:
+                return f"Tw + Wr is {turn:.3f} where the seam was turned by {self.angle / (2 * math.pi):.3f}."
+            return None
+
+        return check
+
+
+def twist_stages(half_twists: int, steps: int) -> Iterator[TwistStage]:
+    """The auxiliary problems that turn the seam by half_twists * pi; positive is right-handed, Lk > 0.
+
+    Raises ValueError if half_twists is zero or steps is not positive.
+    """
+    if half_twists == 0 or steps < 1:
+        raise ValueError("a twist needs at least one half-twist and one step")
+    for k in range(1, steps + 1):
+        angle = math.pi * half_twists * k / steps
+        yield TwistStage(k, steps, angle, Prescription({0: FIRST}, seam_ruling(angle, k == steps, half_twists)))
+
+
+def seam_ruling(angle: float, last: bool, half_twists: int) -> Array:
+    """g_{N+1} at an angle; exactly +-v_3 at the end, so that the seam can close."""
+    if last:
+        return FIRST * (-1.0) ** half_twists
+    return np.array([0.0, HANDEDNESS * math.sin(angle), math.cos(angle)])
+
+
+HANDEDNESS = -1.0
+"""The sense about v_1 in which a positive angle is right-handed: u_1 points along v_1."""
+

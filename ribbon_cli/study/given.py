@@ -1,0 +1,61 @@
+"""A state that a config or command names, as a start."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ..config import Config
+from ..errors import UsageError
+from ..model.band import Band, Discretisation, State
+from ..model.topology import linking_number
+from ..store import Run, StateRecord, decode, load_npz, resolve_state
+from .records import state_of
+
+
+def given_state(config: Config, root: Path) -> tuple[State, str]:
+    """The state of `initial_guess: {state: ...}` in the config's length and discretisation, and its name.
+
+    Raises UsageError if it does not exist or is not the band that the config describes, StoreError if it is
+    damaged.
+    """
+    ref = config.guess.state or ""
+    run, label, path = resolve_state(root, ref)
+    if path.suffix == ".npz":
+        data = load_npz(path)
+        length, sigma, n = float(data["length"]), int(data["sigma"]), int(data["xi"].size)
+        found = State(Band(n, float(data["half_width"]), length, sigma), data["u"], data["g"], data["xi"])
+    else:
+        found = state_of(_record(run, label, path))
+    _check_fit(config, found, ref)
+    scale = config.length / found.band.length
+    band = Band(
+        found.band.segments,
+        found.band.half_width * scale,
+        config.length,
+        found.band.sigma,
+        Discretisation(config.discretisation),
+    )
+    return State(band, found.u, found.g, found.xi), config.guess.state_as_written or ref
+
+
+def _record(run: Run | None, label: int | None, path: Path) -> StateRecord:
+    return decode(path) if run is None or label is None else run.load(label)
+
+
+def _check_fit(config: Config, state: State, ref: str) -> None:
+    """Raise UsageError unless the state has the config's topology and first level."""
+    try:
+        lk = linking_number(state.u, state.g, state.band.sigma, state.band.h).linking_number
+    except ValueError as error:
+        raise UsageError(f"{ref}: not a closed band: {error}") from error
+    if abs(lk - 0.5 * config.half_twists) > 0.25:
+        raise UsageError(
+            f"{ref}: has Lk = {lk:.3g}, that is {round(2 * lk)} half-twists, where the config says "
+            f"topology: {{half_twists: {config.half_twists}}}"
+        )
+    levels = config.refinement.levels
+    if levels and levels[0] != state.band.segments:
+        raise UsageError(
+            f"{ref}: has {state.band.segments} segments, but refinement starts at {levels[0]}: "
+            f"its first level must be that of the given state"
+        )

@@ -1,0 +1,126 @@
+"""The run as a sequence of finished stages: what is stored is not computed again.
+
+Every stage is a function of stored states alone, so that a run that was interrupted and resumed ends with
+the same bytes as one that was not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from ..config import SpectrumRequest
+from ..model.band import State
+from ..model.problem import Problem
+from ..model.topology import linking_number
+from ..solver.newton import Options
+from ..solver.status import Result, SaddleMet, Status
+from ..store import Run, StateRecord
+from .progress import Progress
+from .records import Clock, Reached, build_record, saddle_result
+
+
+class Journal:
+    """Finished stages of a run that is open for writing, by name; commits what is new."""
+
+    def __init__(self, run: Run, progress: Progress, argv: Sequence[str], folder: Path | None) -> None:
+        self.run = run
+        self.progress = progress
+        self.notes: list[str] = []
+        self.new_states = 0
+        self._argv, self._folder = argv, folder
+        self._ends: dict[str, int] = {}
+        self._saddles: dict[str, int] = {}
+        for label, entry in sorted(run.entries().items()):
+            state = entry["state"]
+            if state["kind"] == "saddle":
+                self._saddles[state["stage"]] = self._saddles.get(state["stage"], 0) + 1
+            else:
+                self._ends.setdefault(state["stage"], label)
+
+    def finished(self, stage: str) -> StateRecord | None:
+        """The state that ended a stage, if it is stored."""
+        label = self._ends.get(stage)
+        return None if label is None else self.run.load(label)
+
+    def note(self, text: str) -> None:
+        """Tell whoever watches, and keep it for the outcome."""
+        self.notes.append(text)
+        self.progress.note(text)
+
+    def clock(self) -> Clock:
+        """A clock for a stage that begins now."""
+        return Clock(self._argv, self._folder)
+
+    def store(
+        self,
+        reached: Reached,
+        saddles: Sequence[SaddleMet],
+        clock: Clock,
+        spectrum: SpectrumRequest | None,
+    ) -> StateRecord:
+        """Commit the saddles that were met in a stage, then the state that ends it."""
+        for met in saddles[self._saddles.get(reached.stage, 0) :]:
+            self._commit(
+                replace(
+                    reached,
+                    result=saddle_result(reached.problem, met),
+                    kind="saddle",
+                    events=(),
+                    steps=0,
+                ),
+                clock,
+                None,
+            )
+        for event in reached.events:
+            self.note(f"{reached.stage}: {event}")
+        record = self._commit(reached, clock, spectrum)
+        self._ends[reached.stage] = record.label
+        return record
+
+    def _commit(self, reached: Reached, clock: Clock, spectrum: SpectrumRequest | None) -> StateRecord:
+        record = build_record(self.run.next_label, reached, clock, spectrum)
+        self.run.commit(record)
+        self.new_states += 1
+        return record
+
+
+def options_for(half_twists: int, progress: Progress) -> Options:
+    """Options of a solve with a closed seam: it must keep its linking number."""
+    return Options(guard=_linking_guard(half_twists), watch=progress.step)
+
+
+def _linking_guard(half_twists: int) -> Callable[[State], str | None]:
+    def check(state: State) -> str | None:
+        try:
+            found = linking_number(state.u, state.g, state.band.sigma, state.band.h).linking_number
+        except ValueError:
+            return None  # sum u is not zero between iterates; the state that ends a stage is checked again
+        if abs(found - 0.5 * half_twists) > 0.25:
+            return f"(Lk = {found:.6g} in place of {half_twists / 2:g}.)"
+        return None
+
+    return check
+
+
+def checked(problem: Problem, result: Result, half_twists: int) -> Result:
+    """A converged result, or the same with its status changed if it is not the band asked for."""
+    if result.status not in (Status.MINIMUM, Status.SADDLE, Status.UNDECIDED):
+        return result
+    state = result.state
+    try:
+        found = linking_number(state.u, state.g, problem.band.sigma, problem.band.h)
+    except ValueError as error:
+        return replace(result, status=Status.LEFT_TOPOLOGY, detail=f"(No linking number: {error}.)")
+    if not found.exact or abs(found.linking_number - 0.5 * half_twists) > 1e-6:
+        detail = f"(Lk = {found.linking_number:.9g} in place of {half_twists / 2:g}.)"
+        return replace(result, status=Status.LEFT_TOPOLOGY, detail=detail)
+    return result
+
+
+def converged(result: Result) -> bool:
+    """Whether a result is a stationary band of the right topology, certified or not."""
+    return result.status in (Status.MINIMUM, Status.SADDLE, Status.UNDECIDED)
+
+

@@ -1,0 +1,90 @@
+"""The stages that a config resolves to, in the order in which they are run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ..config import Config
+
+TWIST_STAGES_FROM = 1
+SECONDS_PER_STATE = 0.03
+SECONDS_PER_SEGMENT = 1.2e-4
+SPECTRUM_SECONDS = 4e-8
+"""Costs seen on a 2.6 GHz core: a stage with its certificate and file, Newton steps (linear in N), and a
+full spectrum (cubic in N). They make an estimate, not a promise."""
+
+
+@dataclass(frozen=True)
+class PlannedStage:
+    """One solve: `kind` as in the store, half-width and number of segments it aims at.
+
+    The last two are None where they are those of a state that is only opened when the study runs.
+    """
+
+    name: str
+    kind: str
+    half_width: float | None
+    segments: int | None
+
+
+@dataclass(frozen=True)
+class Plan:
+    """All stages, an estimate of their cost in seconds, and remarks."""
+
+    stages: tuple[PlannedStage, ...]
+    cost: float
+    notes: tuple[str, ...]
+
+
+def width_name(half_width: float) -> str:
+    """The stage that ends at a requested width."""
+    return f"b = {half_width:.12g}"
+
+
+def refinement_name(half_width: float, segments: int) -> str:
+    """The stage that ends at a requested width and level."""
+    return f"b = {half_width:.12g}, refined to N = {segments}"
+
+
+def refined_at(config: Config, half_width: float) -> tuple[int, ...]:
+    """Levels beyond the first that a width is refined to."""
+    at = config.refinement.at
+    return config.refinement.levels[1:] if at is None or half_width in at else ()
+
+
+def start_name(config: Config) -> str:
+    """The stage that frees the initial guess."""
+    return {"twist": "twisted band freed", "cylinder": "cylinder", "state": "given state"}[config.guess.recipe]
+
+
+def plan_of(config: Config) -> Plan:
+    """Resolve a config into its stages."""
+    guess, first = config.guess, config.guess.segments
+    stages: list[PlannedStage] = []
+    if guess.recipe == "twist":
+        stages += [
+            PlannedStage(f"twist {k}/{guess.steps}", "auxiliary", guess.half_width, first)
+            for k in range(1, (guess.steps or 0) + 1)
+        ]
+    widths = config.widths
+    named = not widths or (guess.half_width is not None and widths[0] == guess.half_width)
+    stages.append(
+        PlannedStage(start_name(config), "equilibrium" if named else "intermediate", guess.half_width, first)
+    )
+    for k, b in enumerate(widths or (guess.half_width,)):
+        if not (k == 0 and named):
+            stages.append(PlannedStage(width_name(b or 0.0), "equilibrium", b, first))
+        for n in refined_at(config, b) if b is not None else config.refinement.levels[1:]:
+            name = refinement_name(b, n) if b is not None else f"refined to N = {n}"
+            stages.append(PlannedStage(name, "equilibrium", b, n))
+    cost = sum(_cost(config, s) for s in stages)
+    notes = ("steps in width that fail are halved; what that adds is not counted",)
+    return Plan(tuple(stages), cost, notes)
+
+
+def _cost(config: Config, stage: PlannedStage) -> float:
+    n = stage.segments or 100
+    cost = SECONDS_PER_STATE + 6 * SECONDS_PER_SEGMENT * n
+    if stage.kind == "equilibrium" and n <= config.spectrum.full_up_to:
+        cost += SPECTRUM_SECONDS * n**3
+    return cost

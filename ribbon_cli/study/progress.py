@@ -1,0 +1,37 @@
+"""What a study tells whoever watches it."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+
+class Progress(Protocol):
+    """Receives the course of a study; see `ribbon_cli.cli.progress` for what a terminal shows."""
+
+    def stage(self, name: str, index: int, total: int, half_width: float, segments: int) -> None:
+        """Note that a stage begins, `index` (from 1) of about `total`."""
+
+    def step(self, iteration: int, energy: float, residual: float) -> None:
+        """Note a Newton step of the stage."""
+
+    def note(self, text: str) -> None:
+        """Note something worth a line: a halved step, a saddle left, a change of grid phase."""
+
+    def done(self) -> None:
+        """Note the end."""
+
+
+class Silence:
+    """Tells nobody."""
+
+    def stage(self, name: str, index: int, total: int, half_width: float, segments: int) -> None:
+        """Ignore a stage."""
+
+    def step(self, iteration: int, energy: float, residual: float) -> None:
+        """Ignore a step."""
+
+    def note(self, text: str) -> None:
+        """Ignore a note."""
+
+    def done(self) -> None:
+        """Ignore the end."""

@@ -1,0 +1,194 @@
+"""From a solve's result to the record that the store keeps."""
+
+from __future__ import annotations
+
+import resource
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from ..config import SpectrumRequest
+from ..model.band import Array, Band, Discretisation, State
+from ..model.contact import self_contact
+from ..model.geometry import geometry
+from ..model.problem import Problem
+from ..model.topology import linking_number, open_turn, twist, writhe
+from ..solver.linear import FactorisationError
+from ..solver.newton import inverted_facets
+from ..solver.spectra import Spectrum, full_spectra, lowest_spectrum
+from ..solver.status import Result, SaddleMet, Status
+from ..store import SpectrumRecord, StateRecord
+from ..store.log import utc_now
+from ..store.provenance import gather
+
+
+@dataclass
+class Clock:
+    """Measures what one state cost, for its provenance."""
+
+    argv: Sequence[str]
+    folder: Path | None
+    started: str = field(default_factory=utc_now)
+    wall: float = field(default_factory=time.perf_counter)
+    cpu: float = field(default_factory=time.process_time)
+
+    def facts(self) -> dict[str, str | int | float]:
+        """Provenance since the clock was made."""
+        facts = gather(
+            self.argv,
+            self.folder,
+            started=self.started,
+            wall_seconds=time.perf_counter() - self.wall,
+            cpu_seconds=time.process_time() - self.cpu,
+            peak_memory_bytes=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024,
+        )
+        return dict(facts)
+
+
+@dataclass(frozen=True)
+class Reached:
+    """A solve's end with what a record needs to say how it was reached."""
+
+    problem: Problem
+    result: Result
+    kind: str
+    stage: str
+    method: str
+    half_twists: int
+    parent: int | None = None
+    parent_ref: str | None = None
+    events: tuple[str, ...] = ()
+    steps: int = 0
+
+
+def saddle_result(problem: Problem, met: SaddleMet) -> Result:
+    """A saddle met on the way, as a result of its own."""
+    return Result(
+        Status.SADDLE, met.x, met.multipliers, problem.state(met.x), met.energy,
+        met.kkt_residual, met.constraint_residual, met.index, 0,
+    )
+
+
+def build_record(
+    label: int, reached: Reached, clock: Clock, spectrum: SpectrumRequest | None
+) -> StateRecord:
+    """The record of a reached state; `spectrum` says which modes to compute, None none."""
+    problem, result = reached.problem, reached.result
+    band, state = problem.band, result.state
+    end = problem.end_ruling(result.x)
+    shape = geometry(state, end if problem.prescription.seam is not None else None)
+    turn = _topology(problem, state)
+    contact = self_contact(state.u, state.g, end, band.half_width, band.h)
+    facets = inverted_facets(problem, result.x)
+    named = result.named_multipliers()
+    spectra, remarks = _spectra(problem, result, spectrum)
+    return StateRecord(
+        label=label,
+        kind=reached.kind,
+        status=result.status.value,
+        message=result.message,
+        certified=result.certified,
+        half_width=band.half_width,
+        length=band.length,
+        sigma=band.sigma,
+        segments=band.segments,
+        half_twists=reached.half_twists,
+        discretisation=band.discretisation.value,
+        stage=reached.stage,
+        u=state.u,
+        g=state.g,
+        xi=state.xi,
+        g_end=end,
+        lambda_1=named.lambda_1,
+        lambda_2=named.lambda_2,
+        lambda_3=named.lambda_3,
+        lambda_4=named.lambda_4,
+        lambda_5=named.lambda_5,
+        gamma=named.gamma,
+        energy=result.energy,
+        kkt_residual=result.kkt_residual,
+        constraint_residual=result.constraint_residual,
+        negative_eigenvalues=result.negative,
+        smallest_facet=float(facets.min()),
+        inverted_facets=int((facets <= 0).sum()),
+        linking_number=turn[0],
+        twist=turn[1],
+        writhe=turn[2],
+        self_contact=contact.contact,
+        clearance=contact.clearance,
+        midline=shape.midline,
+        kappa_s=shape.kappa_s,
+        tau=shape.tau,
+        eta=shape.eta,
+        eta_prime=shape.eta_prime,
+        spectra=spectra,
+        parent=reached.parent,
+        parent_ref=reached.parent_ref,
+        method=reached.method,
+        newton_steps=reached.steps,
+        events=(*reached.events, *remarks),
+        provenance=clock.facts(),
+    )
+
+
+def _topology(problem: Problem, state: State) -> tuple[float, float, float]:
+    """Lk, Tw, Wr; with an open seam Tw + Wr of the open frame stands for Lk. Not-a-number if undefined."""
+    band = problem.band
+    try:
+        if problem.prescription.seam is None:
+            found = linking_number(state.u, state.g, band.sigma, band.h)
+            return found.linking_number, found.twist, found.writhe
+        turn, wr = open_turn(state.u, state.g, band.h), writhe(state.u, band.h)
+        return turn, turn - wr, wr
+    except ValueError:
+        return float("nan"), float("nan"), float("nan")
+
+
+def _spectra(
+    problem: Problem, result: Result, request: SpectrumRequest | None
+) -> tuple[tuple[SpectrumRecord, ...], tuple[str, ...]]:
+    """Stored spectra: all values up to `full_up_to` segments, the lowest modes beyond; and remarks."""
+    if request is None or (problem.band.segments > request.full_up_to and not request.modes):
+        return (), ()
+    local = problem.local_derivatives(result.x, result.multipliers)
+    try:
+        if problem.band.segments <= request.full_up_to:
+            found = full_spectra(problem, result.x, local, request.metrics, request.modes)
+        else:
+            index = result.negative or 0
+            found = [
+                lowest_spectrum(problem, result.x, local, metric, request.modes, index)
+                for metric in request.metrics
+            ]
+    except (FactorisationError, np.linalg.LinAlgError) as error:
+        return (), (f"no spectrum: {error}",)
+    return tuple(_spectrum_record(s) for s in found), ()
+
+
+def _spectrum_record(spectrum: Spectrum) -> SpectrumRecord:
+    return SpectrumRecord(
+        metric=spectrum.metric,
+        complete=spectrum.complete,
+        values=spectrum.values,
+        residuals=spectrum.residuals,
+        labels=spectrum.labels,
+        sliding_overlap=spectrum.sliding_overlap,
+        vectors=spectrum.vectors,
+    )
+
+
+def state_of(record: StateRecord) -> State:
+    """The discrete state of a record."""
+    band = Band(
+        record.segments, record.half_width, record.length, record.sigma, Discretisation(record.discretisation)
+    )
+    return State(band, record.u, record.g, record.xi)
+
+
+def multipliers_of(record: StateRecord) -> Array:
+    """The multipliers (5N+3,) of a record."""
+    fields = (record.lambda_1, record.lambda_2, record.lambda_3, record.lambda_4, record.lambda_5)
+    return np.concatenate((np.column_stack(fields).ravel(), record.gamma))

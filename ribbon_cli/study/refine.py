@@ -1,0 +1,117 @@
+"""`ribbon refine`: a stored state on finer grids; the result joins its run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Literal
+
+from ..config import SpectrumRequest, load_config
+from ..errors import RibbonError, UsageError
+from ..store import Run, StateRecord, resolve_state
+from .outcome import Outcome, Target
+from .progress import Progress, Silence
+from .steps import Steps
+
+
+def refine_state(
+    root: Path,
+    ref: str,
+    *,
+    to: int | None = None,
+    levels: int | None = None,
+    method: Literal["smooth", "split"] = "smooth",
+    progress: Progress | None = None,
+    argv: Sequence[str] = (),
+) -> Outcome:
+    """Refine the state that `ref` names, to N = `to` or by doubling `levels` times.
+
+    On the way to a distant N the grid is doubled, and those states are kept as intermediate. `split` halves
+    facets as in Koldaev (2022), 3.1, and only doubles. Raises UsageError for a state outside of a run, with
+    an open seam or prescribed rulings, or for an N that the method cannot reach.
+    """
+    if (to is None) == (levels is None):
+        raise UsageError("refine: give either the number of segments to refine to, or the number of levels")
+    run, label, path = resolve_state(root, ref)
+    if run is None or label is None:
+        raise UsageError(f"{path}: not in a run, and what refine makes joins the state's run")
+    record = run.load(label)
+    if record.kind == "auxiliary":
+        raise UsageError(f"{ref}: an auxiliary state, with prescribed rulings, cannot be refined")
+    grids = _grids(ref, record.segments, to, levels, method)
+    with run.writing():
+        folder = run.path
+        steps = Steps(
+            run, record.half_twists, _spectrum(run), progress or Silence(), argv, folder, len(grids)
+        )
+        try:
+            targets = _refine_all(steps, record, grids, method, every=levels is not None)
+        finally:
+            steps.progress.done()
+        return Outcome(run, targets, tuple(steps.journal.notes), steps.journal.new_states)
+
+
+def _refine_all(
+    steps: Steps, start: StateRecord, grids: list[int], method: str, *, every: bool
+) -> tuple[Target, ...]:
+    """Refine through the grids; all of them are targets if `every`, else the last."""
+    record, targets = start, []
+    for k, n in enumerate(grids):
+        named = every or n == grids[-1]
+        how = ", facets split" if method == "split" else ""
+        stage = f"state {start.label} refined to N = {n}{how}" + ("" if named else ", on the way")
+        kind = "equilibrium" if named else "intermediate"
+        following = steps.refine(record, n, stage, kind, splitting=method == "split")
+        failed = following if isinstance(following, str) else None
+        if isinstance(following, StateRecord):
+            record = following
+            if named:
+                message = record.message
+                targets.append(
+                    Target(record.half_width, n, record.label, True, record.certified, message)
+                )
+            failed = None if record.certified else record.message
+        if failed is not None:
+            steps.journal.note(failed)
+            rest = [m for m in grids[k:] if every or m == grids[-1]]
+            known = {t.segments for t in targets}
+            targets += [
+                Target(start.half_width, m, None, False, False, f"not reached: {failed}")
+                for m in rest
+                if m not in known
+            ]
+            break
+    return tuple(targets)
+
+
+def _grids(ref: str, segments: int, to: int | None, levels: int | None, method: str) -> list[int]:
+    """Numbers of segments to pass through. Raises UsageError."""
+    if levels is not None:
+        if levels < 1:
+            raise UsageError("refine: the number of levels must be at least 1")
+        return [segments * 2**k for k in range(1, levels + 1)]
+    assert to is not None
+    if to < 8:
+        raise UsageError(f"refine: a band needs at least 8 segments, got {to}")
+    if to == segments:
+        raise UsageError(f"{ref}: has {segments} segments already")
+    grids = []
+    n = segments
+    while 2 * n <= to:
+        n *= 2
+        grids.append(n)
+    if n != to:
+        if method == "split":
+            raise UsageError(
+                f"refine: splitting facets doubles their number; {to} is not {segments} times a power of 2"
+            )
+        grids = [*grids, to] if to < segments or to >= 1.2 * n else [*grids[:-1], to]
+    return grids
+
+
+def _spectrum(run: Run) -> SpectrumRequest:
+    """What the run's config asks for."""
+    try:
+        return load_config(run.path / "resolved.yaml").spectrum
+    except RibbonError:
+        return SpectrumRequest()

@@ -1,0 +1,295 @@
+"""Runs the stages of a config: guess, widths, refinement. The same call again resumes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+from ..config import Config, dump_resolved
+from ..model.band import Band, Discretisation, State
+from ..model.problem import Problem
+from ..recipes.cylinder import cylinder
+from ..recipes.twist import twist_stages
+from ..solver.continuation import Move, to_width
+from ..solver.newton import Options, solve
+from ..solver.status import Result, Status
+from ..store import Run, StateRecord
+from .given import given_state
+from .journal import checked, converged
+from .outcome import Outcome, Target
+from .plan import plan_of, refined_at, refinement_name, start_name, width_name
+from .progress import Progress, Silence
+from .records import Clock, multipliers_of, state_of
+from .steps import Steps
+
+MOST_HALVINGS = 8
+"""A step in width is given up when 1/256 of it fails too."""
+
+
+def solve_config(
+    config: Config,
+    root: Path,
+    *,
+    fresh: bool = False,
+    progress: Progress | None = None,
+    argv: Sequence[str] = (),
+) -> Outcome:
+    """Run all stages of a config that its run does not hold yet.
+
+    `root` is the folder of the runs. `fresh` puts an existing run aside first, keeping it. Targets that are
+    not reached are in the outcome. Raises UsageError for a given state that does not fit (before any run
+    folder is made), StoreError, LockedError.
+    """
+    given = given_state(config, root) if config.guess.recipe == "state" else None
+    run = _open(config, root)
+    if fresh and run.entries():
+        run.set_aside()
+        run = _open(config, root)
+    with run.writing():
+        study = _Study(config, run, given, progress or Silence(), argv)
+        try:
+            return study.run()
+        finally:
+            study.steps.progress.done()
+
+
+def _open(config: Config, root: Path) -> Run:
+    return Run.create_or_open(root, config.name, config.hash8(), config.text, dump_resolved(config))
+
+
+class _Study:
+    """One pass over a config's stages; `stopped` says why no further width can be reached."""
+
+    def __init__(
+        self,
+        config: Config,
+        run: Run,
+        given: tuple[State, str] | None,
+        progress: Progress,
+        argv: Sequence[str],
+    ) -> None:
+        folder = Path(config.path).parent
+        self.config = config
+        self.given = given
+        self.steps = Steps(
+            run,
+            config.half_twists,
+            config.spectrum,
+            progress,
+            argv,
+            folder if folder.is_dir() else None,
+            len(plan_of(config).stages),
+        )
+        self.journal = self.steps.journal
+        self.targets: list[Target] = []
+        self.stopped: str | None = None
+
+    def run(self) -> Outcome:
+        """Run everything and report."""
+        current = self._start()
+        if current is not None:
+            self._widths(current)
+        else:
+            guess = self.config.guess
+            for b in self.config.widths or (guess.half_width or math.nan,):
+                self._missed(b, (guess.segments or 0, *refined_at(self.config, b)))
+        return Outcome(
+            self.journal.run, tuple(self.targets), tuple(self.journal.notes), self.journal.new_states
+        )
+
+    # --- the initial guess ---
+
+    def _start(self) -> StateRecord | None:
+        """The freed guess, or None with `stopped` set."""
+        if self.given is not None:
+            state, name = self.given
+            return self._free(state, None, f"from {name}", parent_ref=name)
+        guess = self.config.guess
+        assert guess.segments is not None
+        assert guess.half_width is not None
+        band = Band(
+            guess.segments,
+            guess.half_width,
+            self.config.length,
+            -1 if self.config.half_twists % 2 else 1,
+            Discretisation(self.config.discretisation),
+        )
+        ring = cylinder(band)
+        if guess.recipe == "cylinder":
+            return self._free(ring, None, "discrete cylinder, (3.4)-(3.5)")
+        last = self._twist(ring)
+        return None if last is None else self._free(state_of(last), last.label, "seam closed and freed")
+
+    def _twist(self, ring: State) -> StateRecord | None:
+        """The auxiliary problems of the twist; the last one's state, or None with `stopped` set."""
+        state, multipliers, record = ring, None, None
+        for stage in twist_stages(self.config.half_twists, self.config.guess.steps or 1):
+            self.steps.begin(stage.name, ring.band.half_width, ring.band.segments)
+            parent = None if record is None else record.label
+            record = self.journal.finished(stage.name)
+            if record is None:
+                clock = self.journal.clock()
+                problem = Problem(ring.band, stage.prescription)
+                options = Options(guard=stage.guard(), watch=self.steps.progress.step)
+                result = solve(problem, state.vector(), multipliers, options)
+                if result.status is not Status.MINIMUM:
+                    self._stop(f"{stage.name}: {result.message}")
+                    return None
+                record = self.steps.store(
+                    problem,
+                    result,
+                    clock,
+                    kind="auxiliary",
+                    stage=stage.name,
+                    method="twist, prescribed rulings",
+                    parent=parent,
+                )
+            state, multipliers = state_of(record), multipliers_of(record)
+        return record
+
+    def _free(
+        self, state: State, parent: int | None, method: str, parent_ref: str | None = None
+    ) -> StateRecord | None:
+        """The equilibrium next to a guess; saddles on the way are left."""
+        stage, band = start_name(self.config), state.band
+        widths = self.config.widths
+        named = not widths or math.isclose(widths[0], band.half_width, rel_tol=1e-9)
+        kind = "equilibrium" if named else "intermediate"
+        self.steps.begin(stage, band.half_width, band.segments)
+        record = self.journal.finished(stage)
+        if record is None:
+            clock = self.journal.clock()
+            problem = Problem(band)
+            result = checked(
+                problem, solve(problem, state.vector(), None, self.steps.options), self.config.half_twists
+            )
+            if not converged(result):
+                self._stop(f"{stage}: {result.message}")
+                return None
+            events = tuple(
+                f"met a saddle of index {s.index} at E = {s.energy:.12g}, left along its negative direction"
+                for s in result.saddles
+            )
+            record = self.steps.store(
+                problem,
+                result,
+                clock,
+                kind=kind,
+                stage=stage,
+                method=method,
+                parent=parent,
+                parent_ref=parent_ref,
+                events=events,
+            )
+        if not record.certified:
+            self._stop(f"{stage}: {record.message}")
+        return record
+
+    # --- widths ---
+
+    def _widths(self, current: StateRecord) -> None:
+        """The schedule of widths from the freed guess, each with its refinement."""
+        start = current
+        for b in self.config.widths or (start.half_width,):
+            if self.stopped is None and not math.isclose(b, current.half_width, rel_tol=1e-9):
+                current = self._reach(current, b)
+            here = math.isclose(b, current.half_width, rel_tol=1e-9)
+            if not here:
+                self._missed(b, (start.segments, *refined_at(self.config, b)))
+                continue
+            self.targets.append(_target(current))
+            self._refine(current, b)
+            if current.self_contact and self.config.contact == "stop" and self.stopped is None:
+                self.journal.note(f"the band touches itself at b = {b:.12g}: contact: stop ends the schedule")
+                return
+
+    def _reach(self, current: StateRecord, b: float) -> StateRecord:
+        """Continue to width b, halving steps that fail; the last state reached, `stopped` if it is not b."""
+        while True:
+            following = self._stored_step(current, b) or self._step(current, b)
+            if following is None:
+                return current
+            current = following
+            if current.kind == "equilibrium" or self.stopped is not None:
+                return current
+
+    def _candidates(self, current: StateRecord, b: float) -> list[tuple[str, float]]:
+        """Stage names and widths to try from here: all the way, half of it, a quarter, ..."""
+        out = [(width_name(b), b)]
+        for j in range(1, MOST_HALVINGS + 1):
+            part = current.half_width + (b - current.half_width) / 2**j
+            out.append((f"{width_name(part)} on the way to {width_name(b)}", part))
+        return out
+
+    def _stored_step(self, current: StateRecord, b: float) -> StateRecord | None:
+        for stage, width in self._candidates(current, b):
+            record = self.journal.finished(stage)
+            if record is not None:
+                self.steps.begin(stage, width, current.segments)
+                if not record.certified:
+                    self._stop(f"{stage}: {record.message}")
+                return record
+        return None
+
+    def _step(self, current: StateRecord, b: float) -> StateRecord | None:
+        """Compute the longest step that works; None with `stopped` set if none does."""
+        state, multipliers = state_of(current), multipliers_of(current)
+        failures: list[str] = []
+        whole: tuple[Move, Result, Clock] | None = None
+        for stage, width in self._candidates(current, b):
+            self.steps.begin(stage, width, current.segments)
+            clock = self.journal.clock()
+            move = to_width(state, multipliers, width, self.steps.options)
+            result = checked(Problem(move.band), move.result, self.config.half_twists)
+            if result.status is Status.MINIMUM:
+                kind = "equilibrium" if width == b else "intermediate"
+                return self.steps.store_move(
+                    move, result, clock, kind=kind, stage=stage, parent=current.label, failures=failures
+                )
+            whole = whole or (move, result, clock)
+            failures.append(
+                f"a step from b = {current.half_width:.12g} to {width:.12g} failed, halved: {result.message}"
+            )
+            self.journal.note(failures[-1])
+        self._stop(f"the step from b = {current.half_width:.12g} fails however short it is: {failures[-1]}")
+        if whole is not None and converged(whole[1]):
+            move, result, clock = whole
+            return self.steps.store_move(
+                move, result, clock, kind="equilibrium", stage=width_name(b), parent=current.label
+            )
+        return None
+
+    # --- refinement ---
+
+    def _refine(self, record: StateRecord, b: float) -> None:
+        """Refine a width's state level by level."""
+        levels = refined_at(self.config, b)
+        for k, n in enumerate(levels):
+            if not record.certified:
+                self._missed(b, levels[k:], f"the level before it: {record.message}")
+                return
+            following = self.steps.refine(record, n, refinement_name(b, n), "equilibrium")
+            if isinstance(following, str):
+                self.journal.note(following)
+                self._missed(b, levels[k:], following)
+                return
+            record = following
+            self.targets.append(_target(record))
+
+    # --- small things ---
+
+    def _stop(self, why: str) -> None:
+        self.stopped = why
+        self.journal.note(why)
+
+    def _missed(self, half_width: float, levels: Sequence[int], why: str | None = None) -> None:
+        for n in levels:
+            message = f"not reached: {why or self.stopped}"
+            self.targets.append(Target(half_width, n, None, False, False, message))
+
+
+def _target(record: StateRecord) -> Target:
+    return Target(
+        record.half_width, record.segments, record.label, True, record.certified, record.message
+    )

@@ -1,0 +1,103 @@
+"""The steps that configs and `ribbon refine` share: a stage's end stored, a state refined."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from ..config import SpectrumRequest
+from ..model.problem import Problem
+from ..solver.continuation import Move, to_segments
+from ..solver.status import Result
+from ..store import Run, StateRecord
+from .journal import Journal, checked, converged, options_for
+from .progress import Progress
+from .records import Clock, Reached, state_of
+
+
+class Steps:
+    """Solves a stage, stores its end and tells who watches; one for each pass over a run."""
+
+    def __init__(
+        self,
+        run: Run,
+        half_twists: int,
+        spectrum: SpectrumRequest,
+        progress: Progress,
+        argv: Sequence[str],
+        folder: Path | None,
+        total: int,
+    ) -> None:
+        self.journal = Journal(run, progress, argv, folder)
+        self.half_twists = half_twists
+        self.spectrum = spectrum
+        self.progress = progress
+        self.options = options_for(half_twists, progress)
+        self._total, self._index = total, 0
+
+    def begin(self, stage: str, half_width: float, segments: int) -> None:
+        """Announce a stage."""
+        self._index += 1
+        self.progress.stage(stage, self._index, max(self._total, self._index), half_width, segments)
+
+    def store(
+        self,
+        problem: Problem,
+        result: Result,
+        clock: Clock,
+        *,
+        kind: str,
+        stage: str,
+        method: str,
+        parent: int | None,
+        parent_ref: str | None = None,
+        events: tuple[str, ...] = (),
+    ) -> StateRecord:
+        """Store a solve's end and the saddles it left; equilibria get their spectra."""
+        reached = Reached(
+            problem, result, kind, stage, method, self.half_twists, parent, parent_ref, events, result.steps
+        )
+        spectrum = self.spectrum if kind == "equilibrium" else None
+        return self.journal.store(reached, result.saddles, clock, spectrum)
+
+    def store_move(
+        self,
+        move: Move,
+        result: Result,
+        clock: Clock,
+        *,
+        kind: str,
+        stage: str,
+        parent: int | None,
+        failures: Sequence[str] = (),
+    ) -> StateRecord:
+        """Store the end of a step along a branch with what was met on the way."""
+        met = replace(result, saddles=move.saddles, steps=move.steps)
+        if not result.certified and met.saddles:
+            met = replace(met, saddles=move.saddles[:-1])  # the last is the end itself
+        return self.store(
+            Problem(move.band),
+            met,
+            clock,
+            kind=kind,
+            stage=stage,
+            method=move.method,
+            parent=parent,
+            events=(*failures, *move.events),
+        )
+
+    def refine(
+        self, record: StateRecord, segments: int, stage: str, kind: str, *, splitting: bool = False
+    ) -> StateRecord | str:
+        """The state refined to another number of segments, or a sentence why it was not reached."""
+        self.begin(stage, record.half_width, segments)
+        known = self.journal.finished(stage)
+        if known is not None:
+            return known
+        clock = self.journal.clock()
+        move = to_segments(state_of(record), segments, self.options, splitting=splitting)
+        result = checked(Problem(move.band), move.result, self.half_twists)
+        if not converged(result):
+            return f"{stage}: {result.message}"
+        return self.store_move(move, result, clock, kind=kind, stage=stage, parent=record.label)
