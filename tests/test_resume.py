@@ -104,8 +104,11 @@ def test_a_second_process_is_locked_out(left_alone, tmp_path):
     with spawn("solve", "mobius.yaml", "-q", cwd=tmp_path) as process:
         while states_on_disk(tmp_path) < 1 and process.poll() is None:
             time.sleep(0.002)
+        process.send_signal(signal.SIGSTOP)
         other = run("solve", "mobius.yaml", "-q", "--json", cwd=tmp_path)
+        process.send_signal(signal.SIGCONT)
         process.send_signal(signal.SIGTERM)
         process.communicate(timeout=60)
+    assert process.returncode == 143
     assert (other.returncode, other.stdout) == (5, "")
     assert f"locked by process {process.pid} on {os.uname().nodename}" in other.stderr

@@ -72,22 +72,26 @@ class _Stage:
     def line(self) -> str:
         """The whole stage, once it is over."""
         if not self.iteration:
-            return self.heading
+            return f"{self.heading}: no step needed"
         result = f"E = {self.energy:.9f}, residual {self.residual:.1e}"
         steps = f"{self.iteration} step{'s' * (self.iteration > 1)}"
         return f"{self.heading}: {result}, {steps}, {duration(time.monotonic() - self.started)}"
 
 
 class Lines:
-    """A line for each stage when it is over; every step as well if `verbose`."""
+    """A line for each stage when it is over; every step as well if `verbose`.
+
+    Stages without a step, such as those that a resumed run has already, share a line unless `verbose`.
+    """
 
     def __init__(self, verbose: bool = False) -> None:
         self._verbose = verbose
         self._current = _Stage()
+        self._idle: list[_Stage] = []
 
     def stage(self, name: str, index: int, total: int, half_width: float, segments: int) -> None:
         """A stage begins, which ends the one before."""
-        self.done()
+        self._end_stage()
         self._current = _Stage(name, index, total, half_width, segments)
 
     def step(self, iteration: int, energy: float, residual: float) -> None:
@@ -99,13 +103,30 @@ class Lines:
 
     def note(self, text: str) -> None:
         """Something worth a line of its own happened."""
+        self._flush_idle()
         self._write(f"    {text}")
 
     def done(self) -> None:
         """The last stage is over."""
-        if self._current.index:
-            self._write(self._current.line())
-        self._current = _Stage()
+        self._end_stage()
+        self._flush_idle()
+
+    def _end_stage(self) -> None:
+        """Write the line of the stage under way, if there is one."""
+        ended, self._current = self._current, _Stage()
+        if ended.index and not ended.iteration and not self._verbose:
+            self._idle.append(ended)
+        elif ended.index:
+            self._flush_idle()
+            self._write(ended.line())
+
+    def _flush_idle(self) -> None:
+        """Write the line that stages without a step share."""
+        idle, self._idle = self._idle, []
+        if len(idle) == 1:
+            self._write(idle[0].line())
+        elif idle:
+            self._write(f"[{idle[0].index}-{idle[-1].index}/{idle[-1].total}] no step needed")
 
     def _write(self, text: str) -> None:
         complain(text)
@@ -130,13 +151,12 @@ class Bar(Lines):
         super().step(iteration, energy, residual)
         self._bar.update(self._task, figures=f"E = {energy:.9f}  {residual:.1e}")
 
-    def done(self) -> None:
-        """A stage is over; only those who want every step want a line that stays."""
-        if self._verbose:
-            super().done()
+    def _end_stage(self) -> None:
+        """Move the bar on; only those who want every step want a line that stays."""
         if self._current.index:
             self._bar.update(self._task, completed=self._current.index)
-        self._current = _Stage()
+        if self._verbose:
+            super()._end_stage()
 
     def _write(self, text: str) -> None:
         self._bar.console.print(text, markup=False, highlight=False, soft_wrap=True)

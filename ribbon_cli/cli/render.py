@@ -57,11 +57,16 @@ def _figures(state: State) -> list[str]:
     return [
         number(state["energy"], ".9f"),
         state["status"],
-        number(state["linking_number"], ".4g"),
+        _linking_number(state["linking_number"]),
         number(state["kkt_residual"], ".1e"),
         number(state["constraint_residual"], ".1e"),
         "yes" if state["certified"] else "no",
     ]
+
+
+def _linking_number(value: float | None) -> str:
+    """Lk or, of open seams, Tw + Wr to four decimals; rounding errors of zero are zero."""
+    return MISSING if value is None else f"{round(value, 4) + 0.0:g}"
 
 
 _FIGURES = ("E", "status", "Lk", "gradient", "constraint", "certificate")

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import click
 
@@ -13,23 +14,21 @@ from ribbon_cli.cli.settings import Settings, common_options, pass_settings
 from ribbon_cli.errors import UsageError
 
 if TYPE_CHECKING:
+    from ribbon_cli.config import Config
     from ribbon_cli.study import Outcome
 
 
-class Whole(click.ParamType):
-    """A whole number, `low` or more."""
+def _whole(low: int) -> Callable[[click.Context, click.Parameter, str | None], int | None]:
+    """A callback that reads an option's value as a whole number, `low` or more."""
 
-    name = "whole number"
-
-    def __init__(self, low: int) -> None:
-        self.low = low
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
-        """Read the number. Raises click.BadParameter."""
-        text = str(value)
-        if not (text.isascii() and text.isdigit() and len(text) < 10 and int(text) >= self.low):
-            self.fail(f"must be a whole number, {self.low} or more, got {text!r}", param, ctx)
+    def read(ctx: click.Context, parameter: click.Parameter, text: str | None) -> int | None:
+        if text is None:
+            return None
+        if not (text.isascii() and text.isdigit() and len(text) < 10 and int(text) >= low):
+            raise click.BadParameter(f"must be a whole number, {low} or more, got {text!r}", ctx, parameter)
         return int(text)
+
+    return read
 
 
 @click.command()
@@ -42,15 +41,14 @@ def solve(settings: Settings, config: str, fresh: bool) -> int:
 
     Prints what came of each target. The exit code is 3 when one was not reached or has no certificate.
     """
-    return report(settings, solve_config_file(settings, config, fresh))
-
-
-def solve_config_file(settings: Settings, path: str, fresh: bool = False) -> Outcome:
-    """Solve what a config's run still lacks, with progress shown. Raises what reading and solving raise."""
-    from ribbon_cli.cli.progress import progress
     from ribbon_cli.config import load_config
 
-    config = load_config(path)
+    return report(settings, run_stages(settings, load_config(config), fresh))
+
+
+def run_stages(settings: Settings, config: Config, fresh: bool = False) -> Outcome:
+    """Solve what a config's run still lacks, with progress shown."""
+    from ribbon_cli.cli.progress import progress
     from ribbon_cli.study import solve_config
 
     settings.commits = True
@@ -60,8 +58,8 @@ def solve_config_file(settings: Settings, path: str, fresh: bool = False) -> Out
 
 @click.command()
 @click.argument("state", shell_complete=complete_state)
-@click.option("--to", metavar="N", type=Whole(3), help="Number of segments to go to.")
-@click.option("--levels", metavar="K", type=Whole(1), help="How often to double the segments.")
+@click.option("--to", metavar="N", callback=_whole(8), help="Number of segments to go to.")
+@click.option("--levels", metavar="K", callback=_whole(1), help="How often to double the segments.")
 @click.option(
     "--method",
     type=click.Choice(["smooth", "split"]),

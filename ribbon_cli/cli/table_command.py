@@ -11,14 +11,15 @@ import click
 from ribbon_cli.cli.completion import complete_file, complete_source, complete_state
 from ribbon_cli.cli.output import check_target, complain, emit, say
 from ribbon_cli.cli.settings import Settings, common_options, pass_settings
-from ribbon_cli.cli.solve_commands import solve_config_file
-from ribbon_cli.errors import UsageError
+from ribbon_cli.cli.solve_commands import run_stages
+from ribbon_cli.errors import TargetError, UsageError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from ribbon_cli.report.convergence import ComparisonRow, Entry, Table
     from ribbon_cli.store import Run
+    from ribbon_cli.study import Outcome
 
 _FORMATS = ("text", "markdown", "latex", "csv", "json")
 
@@ -55,13 +56,14 @@ def convergence_table(
     if output is not None:
         check_target(output, overwrite=True)
     other = _entry_of(settings, second_minimum) if second_minimum else None
-    run, failures = _run(settings, source)
-    table, uncertified = _table(run)
+    run, outcome = _run(settings, source, thesis)
+    table = _table(run)
     comparison = _comparison(settings, run, table, other) if thesis else ()
     _write(settings, table, comparison, style, output)
-    for failure in failures or uncertified:
+    failures = [*(outcome.failures if outcome else ()), *_uncertified(run, table, outcome)]
+    for failure in failures:
         complain(f"ribbon: {failure}")
-    return 3 if failures or uncertified else 0
+    return TargetError.exit_code if failures else 0
 
 
 def _style(settings: Settings, style: str | None) -> str:
@@ -71,18 +73,39 @@ def _style(settings: Settings, style: str | None) -> str:
     return "json" if settings.json else style or "text"
 
 
-def _run(settings: Settings, source: str) -> tuple[Run, Sequence[str]]:
-    """The run that a config or a reference stands for, and what its solve failed at."""
+def _run(settings: Settings, source: str, thesis: bool) -> tuple[Run, Outcome | None]:
+    """The run that a reference or a config stands for, and what solving the config came to.
+
+    Raises UsageError, before anything is solved, where a comparison with the thesis makes no sense.
+    """
+    from ribbon_cli.config import load_config
     from ribbon_cli.store import find_run
 
     if source.endswith((".yaml", ".yml")) or os.path.isfile(source):
-        outcome = solve_config_file(settings, source)
-        return outcome.run, outcome.failures
-    return find_run(settings.root, source), ()
+        config = load_config(source)
+        if thesis:
+            _check_comparable(config.name, config.half_twists, config.length, config.discretisation)
+        outcome = run_stages(settings, config)
+        return outcome.run, outcome
+    run = find_run(settings.root, source)
+    for state in run.states()[:1]:
+        if thesis:
+            twists = state["topology"]["half_twists"]
+            _check_comparable(run.name, twists, state["length"], state["discretisation"])
+    return run, None
 
 
-def _table(run: Run) -> tuple[Table, list[str]]:
-    """The run's table, and a line for each energy in it without certificate. Raises UsageError."""
+def _check_comparable(name: str, half_twists: int, length: float, discretisation: str) -> None:
+    """Raise UsageError unless a run's bands are those of the thesis's table."""
+    same = abs(half_twists) == 1 and discretisation == "thesis"
+    if not (same and math.isclose(length, 2 * math.pi, rel_tol=1e-9)):
+        raise UsageError(
+            f"{name}: not in Table 3.1, which is of pi-bands of length 2*pi with discretisation thesis"
+        )
+
+
+def _table(run: Run) -> Table:
+    """The run's table. Raises UsageError when it has nothing to show."""
     from ribbon_cli.report.convergence import convergence_rows
     from ribbon_cli.study import table_entries
 
@@ -91,11 +114,16 @@ def _table(run: Run) -> tuple[Table, list[str]]:
         raise UsageError(
             f"{run.name} has no equilibria yet; `ribbon ls {run.short_name} --all` lists its states"
         )
-    table = convergence_rows(table_entries(run), states[0]["length"])
-    return table, [
+    return convergence_rows(table_entries(run), states[0]["length"])
+
+
+def _uncertified(run: Run, table: Table, outcome: Outcome | None) -> list[str]:
+    """A line for each energy without certificate that is no target, which the outcome speaks of."""
+    targets = {(target.half_width, target.segments) for target in (outcome.targets if outcome else ())}
+    return [
         f"{run.short_name}:{row.label}: no certificate at b = {row.half_width:g}, N = {row.segments}"
         for row in table.rows
-        if not row.certified
+        if not row.certified and (row.half_width, row.segments) not in targets
     ]
 
 
@@ -109,26 +137,17 @@ def _entry_of(settings: Settings, ref: str) -> Entry:
 
 
 def _comparison(settings: Settings, run: Run, table: Table, other: Entry | None) -> tuple[ComparisonRow, ...]:
-    """The published numbers beside ours; those of which the run has nothing are named in a message.
-
-    Raises UsageError unless the run's bands are those of the published table.
-    """
+    """The published numbers beside ours; those of which the run has nothing are named in a message."""
     from ribbon_cli.report.convergence import compare_with_thesis, is_at, thesis_table
 
-    band = run.states()[0]
-    same = band["discretisation"] == "thesis" and abs(band["topology"]["half_twists"]) == 1
-    if not (same and math.isclose(band["length"], 2 * math.pi, rel_tol=1e-9)):
-        raise UsageError(
-            f"{run.name}: not in Table 3.1, which is of pi-bands of length 2*pi with discretisation thesis"
-        )
     comparison = compare_with_thesis(table, thesis_table(), other)
-    missing = [
-        f"b = {item.half_width:g}, N = {item.segments}"
-        for item in comparison
-        if not any(is_at(row, item.half_width, item.segments) for row in table.rows)
-    ]
+    missing: dict[str, list[str]] = {}
+    for item in comparison:
+        if not any(is_at(row, item.half_width, item.segments) for row in table.rows):
+            missing.setdefault(f"b = {item.half_width:g}", []).append(str(item.segments))
     if missing:
-        say(settings, f"in Table 3.1 but not in {run.name}: {'; '.join(missing)}")
+        places = "; ".join(f"{b}, N = {', '.join(segments)}" for b, segments in missing.items())
+        say(settings, f"in Table 3.1 but not in {run.name}: {places}")
     return comparison
 
 

@@ -1,1 +1,1 @@
-"""The mathematics: state, energy, constraints, derivatives, geometry, topology. Knows no solver and no file."""
+"""The mathematics: state, energy, constraints, derivatives, geometry, topology. Knows no solver, no file."""

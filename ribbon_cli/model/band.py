@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from enum import Enum
+from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
-class Discretisation(str, Enum):
+class Discretisation(StrEnum):
     """How xi enters the energy at a node, Koldaev (2022), (2.15)."""
 
     THESIS = "thesis"

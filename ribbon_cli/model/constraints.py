@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from .band import Array, Band
-from .stencil import G, G1, SIZE, U0, U, X
+from .stencil import G1, SIZE, U0, G, U, X
 
 PER_NODE = 5
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from .band import Array, Band, Discretisation
-from .stencil import G, SIZE, U0, X0, U, X
+from .stencil import SIZE, U0, X0, G, U, X
 
 # x coth x = sum 2^(2n) B_2n x^(2n) / (2n)!, Abramowitz & Stegun 4.5.67; fourteen terms give F, F' and F''
 # to full double precision for |x| < SERIES_BELOW, where the closed forms would cancel.

@@ -71,9 +71,7 @@ def from_state(state: State) -> Folding:
     before[0, :, 1:] *= sigma
     axis = g / np.linalg.norm(g, axis=1)[:, None]
     old, new = before[:, :, 1], frame[:, :, 1]
-    theta = np.arctan2(
-        np.einsum("ij,ij->i", np.cross(old, new), axis), np.einsum("ij,ij->i", old, new)
-    )
+    theta = np.arctan2(np.einsum("ij,ij->i", np.cross(old, new), axis), np.einsum("ij,ij->i", old, new))
     return Folding(theta, np.einsum("ij,ij->i", u, g))
 
 
@@ -158,7 +156,9 @@ def xi_from_rulings(band: Band, u: Array, g: Array) -> Array:
     t = (band.half_width / band.h) * np.einsum("ij,ij->i", u, following - g)
     worst = int(np.argmax(np.abs(t)))
     if abs(t[worst]) >= XI_LIMIT:
-        raise ClosureError(f"rulings meet inside the strip at facet {worst + 1}: b |eta'| = {abs(t[worst]):.4g}")
+        raise ClosureError(
+            f"rulings meet inside the strip at facet {worst + 1}: b |eta'| = {abs(t[worst]):.4g}"
+        )
     xi: Array = np.arctanh(t)
     return xi
 
@@ -172,5 +172,3 @@ def to_state(band: Band, folding: Folding, first: Array | None = None) -> State:
     u = np.ascontiguousarray(f[:, :, 0])
     g = folding.eta[:, None] * u + f[:, :, 2]
     return State(band, u, g, xi_from_rulings(band, u, g))
-
-

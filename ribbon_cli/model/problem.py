@@ -24,7 +24,7 @@ from .constraints import (
 )
 from .energy import energy_derivatives, energy_terms
 from .sparsity import Scatter
-from .stencil import G1, SIZE, U0, G, Stencil, U, X, X0, stencil
+from .stencil import G1, SIZE, U0, X0, G, Stencil, U, X, stencil
 
 CLOSURE = 3
 
@@ -122,12 +122,14 @@ class Problem:
 
     def end_ruling(self, x: Array) -> Array:
         """g_{N+1} (3,): sigma g_1 where the seam is closed, the prescribed one where it is open."""
-        return self.band.sigma * x[3:6] if self.prescription.seam is None else self._end.copy()
+        end: Array = self.band.sigma * x[3:6] if self.prescription.seam is None else self._end.copy()
+        return end
 
     def next_rulings(self, x: Array) -> Array:
         """g_{i+1} (N,3) at each facet's far node."""
         g = x.reshape(-1, 7)[:, 3:6]
-        return np.vstack((g[1:], self.end_ruling(x)))
+        out: Array = np.vstack((g[1:], self.end_ruling(x)))
+        return out
 
     def _local(self, x: Array) -> Array:
         return self.stencil.gather(np.concatenate((x, self._end)))
@@ -179,7 +181,7 @@ class Problem:
             gradient *= ~still
         total = np.bincount(
             self.stencil.index.ravel(), weights=(gradient * sign).ravel(), minlength=self.size + 3
-        )[: self.size]
+        )[: self.size].astype(np.float64, copy=False)
         return LocalDerivatives(float(terms.sum()), total, self.weighted_constraints(x), jacobian, hessian)
 
     @staticmethod

@@ -33,8 +33,9 @@ class Scatter:
 
     def data(self, values: Array) -> Array:
         """Summed values in CSC order, (nnz,)."""
-        out: Array = np.bincount(self.slot, weights=values, minlength=self.indices.size)
-        return out
+        return np.bincount(self.slot, weights=values, minlength=self.indices.size).astype(
+            np.float64, copy=False
+        )
 
     def matrix(self, values: Array) -> sparse.csc_matrix:
         """Return the filled CSC matrix."""

@@ -58,7 +58,9 @@ def twist_stages(half_twists: int, steps: int) -> Iterator[TwistStage]:
         raise ValueError("a twist needs at least one half-twist and one step")
     for k in range(1, steps + 1):
         angle = math.pi * half_twists * k / steps
-        yield TwistStage(k, steps, angle, Prescription({0: FIRST}, seam_ruling(angle, k == steps, half_twists)))
+        yield TwistStage(
+            k, steps, angle, Prescription({0: FIRST}, seam_ruling(angle, k == steps, half_twists))
+        )
 
 
 def seam_ruling(angle: float, last: bool, half_twists: int) -> Array:
@@ -70,4 +72,3 @@ def seam_ruling(angle: float, last: bool, half_twists: int) -> Array:
 
 HANDEDNESS = -1.0
 """The sense about v_1 in which a positive angle is right-handed: u_1 points along v_1."""
-

@@ -41,8 +41,12 @@ def _met(result: Result) -> tuple[SaddleMet, ...]:
     if result.status is not Status.SADDLE:
         return result.saddles
     last = SaddleMet(
-        result.x, result.multipliers, result.energy, result.negative or 0,
-        result.kkt_residual, result.constraint_residual,
+        result.x,
+        result.multipliers,
+        result.energy,
+        result.negative or 0,
+        result.kkt_residual,
+        result.constraint_residual,
     )
     return (*result.saddles, last)
 
@@ -106,7 +110,9 @@ def to_segments(state: State, segments: int, options: Options, *, splitting: boo
     first_phase = phase_of(state)
     phases = (first_phase, Phase.FACET if first_phase is Phase.NODE else Phase.NODE)
     best: Move | None = None
-    steps, events, saddles = 0, (), ()
+    steps = 0
+    events: tuple[str, ...] = ()
+    saddles: tuple[SaddleMet, ...] = ()
     for phase in phases:
         method = f"smooth prolongation, inflection on a {phase.value}"
         result = _attempt(lambda phase=phase: smooth(state, segments, phase).state, options)

@@ -85,12 +85,13 @@ class BlockReduction:
             diagonal[:, unknowns, unknowns] -= shift * matrix.metric.reshape(-1, 7)
         self._levels: list[_Level] = []
         negative, gap = 0, np.inf
+        # A node with a held ruling has more rows than free unknowns: no pivot before a neighbour is gone.
+        held = blocks.held.copy()
         while diagonal.shape[0] > 2:
             n = diagonal.shape[0]
             gone = np.arange(1, n - 1 if n % 2 else n, 2)
-            if n == blocks.held.size and not blocks.held[gone].all():
-                # A node with a held ruling has more rows than free unknowns: no pivot by itself.
-                gone = gone[~blocks.held[gone]]
+            if not held[gone].all():
+                gone = gone[~held[gone]]
             left, right = gone - 1, (gone + 1) % n
             vectors, inverse, count, narrow = _pivot(diagonal[gone])
             negative += count
@@ -110,13 +111,14 @@ class BlockReduction:
             self._levels.append(
                 _Level(gone, left, right, kept, vectors, inverse, into_left, into_right, into_border)
             )
-            diagonal, coupling, border = diagonal[kept], coupling[kept], border[kept]
+            held[left] = held[right] = False
+            diagonal, coupling, border, held = diagonal[kept], coupling[kept], border[kept], held[kept]
         self._width = corner.shape[0]
         vectors, inverse, count, narrow = _pivot(_join(diagonal, coupling, border, corner)[None])
         self._last = (vectors[0], inverse[0])
         # Held components stand in K as ones on the diagonal, whatever the metric: no eigenvalues of W_c.
-        held = int((matrix.metric[matrix.fixed] * shift > 1.0).sum())
-        self.inertia = Inertia(negative + count - matrix.border - held, min(gap, narrow))
+        ones = int((matrix.metric[matrix.fixed] * shift > 1.0).sum())
+        self.inertia = Inertia(negative + count - matrix.border - ones, min(gap, narrow))
 
     def solve(self, rhs: Array) -> Array:
         """Solve the scaled system for rhs (n+m+r,)."""
@@ -167,4 +169,3 @@ def _join(diagonal: Array, coupling: Array, border: Array, corner: Array) -> Arr
         out[other, here] += coupling[i].T
     out[size:, size:] = corner
     return out
-

@@ -21,7 +21,6 @@ from ..model.problem import CLOSURE, HESSIAN_ENTRIES, LocalDerivatives, Problem
 from ..model.sparsity import Scatter
 from ..model.stencil import SIZE, stencil
 
-
 BLOCK = 7 + PER_NODE
 
 
@@ -205,4 +204,5 @@ def _node_blocks(matrix: KKTMatrix) -> NodeBlocks:
     diagonal[owner[here], row[here] % BLOCK, column[here] % BLOCK] = value[here]
     forward = ~here & (other == (owner + 1) % n)
     coupling[owner[forward], row[forward] % BLOCK, column[forward] % BLOCK] = value[forward]
-    return NodeBlocks(position, diagonal, coupling, border, matrix.fixed.reshape(n, 7).any(axis=1))
+    held: NDArray[np.bool_] = np.any(matrix.fixed.reshape(n, 7), axis=1)
+    return NodeBlocks(position, diagonal, coupling, border, held)

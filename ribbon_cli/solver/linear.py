@@ -37,7 +37,7 @@ class Factor:
     `surplus` is the number of negative pivots beyond one for each constraint and gauge row: a quick
     estimate of the number of eigenvalues of the projected Hessian below `shift`. The certificate's count
     is `inertia.inertia`.
-    Raises FactorisationError if the matrix is not finite or a pivot is exactly zero.
+    Raises FactorisationError if the matrix is not finite.
     """
 
     def __init__(self, matrix: KKTMatrix, *, shift: float = 0.0) -> None:
@@ -50,17 +50,20 @@ class Factor:
         self._blocks: BlockReduction | None = None
         self._solver = self._factor(DELTAS[0])
 
-    def _factor(self, delta: float) -> qdldl.Solver:
+    def _factor(self, delta: float) -> qdldl.Solver | None:
+        """LDL^T with one regularisation; None if it meets a zero pivot."""
         try:
             return qdldl.Solver(self.matrix.regularised(self.shift, delta), upper=True)
-        except RuntimeError as error:
-            raise FactorisationError(f"LDL^T factorisation failed: {error}") from error
+        except RuntimeError:
+            return None
 
     @property
     def surplus(self) -> int:
         """Negative pivots beyond those of the multiplier block."""
+        if self._solver is None:
+            return self._reduced().inertia.negative
         pivots = np.asarray(self._solver.factors()[1])
-        return int((pivots < 0).sum()) - self.matrix.border
+        return int((pivots < 0).sum()) - int(self.matrix.border)
 
     def _product(self, v: Array) -> Array:
         out = self.matrix.product(v)
@@ -96,6 +99,8 @@ class Factor:
 
     def _refined(self, rhs: Array, size: float) -> tuple[Array, float]:
         """The best of a few refinements and its residual relative to the right-hand side."""
+        if self._solver is None:
+            return rhs, np.inf
         solution = np.asarray(self._solver.solve(rhs))
         best, best_error = solution, np.inf
         for _ in range(REFINEMENTS):
@@ -109,12 +114,16 @@ class Factor:
             solution = solution + np.asarray(self._solver.solve(residual))
         return best, best_error
 
-    def _solve_by_blocks(self, rhs: Array, size: float) -> Array:
+    def _reduced(self) -> BlockReduction:
         if self._blocks is None:
             self._blocks = BlockReduction(self.matrix, self.shift)
-        solution = self._blocks.solve(rhs)
+        return self._blocks
+
+    def _solve_by_blocks(self, rhs: Array, size: float) -> Array:
+        blocks = self._reduced()
+        solution = blocks.solve(rhs)
         for _ in range(BLOCK_REFINEMENTS):
-            solution = solution + self._blocks.solve(rhs - self._product(solution))
+            solution = solution + blocks.solve(rhs - self._product(solution))
         reach = size + float(np.abs(solution).max())  # entries of the scaled matrix are of order one
         error = float(np.abs(rhs - self._product(solution)).max()) / reach
         if not error <= BACKWARD_LIMIT:

@@ -46,7 +46,7 @@ class Options:
 
 SHORTEST = 2.0**-14
 GUARD_FROM = 1e-3
-"""Change since the last check of the guard from which the next accepted point is checked; the end always is."""
+"""Change since the guard's last check from which the next point is checked too; the end always is."""
 ARMIJO = 1e-4
 MOST_CORRECTIONS = 4
 NEAR_SADDLE = 1e-3
@@ -116,7 +116,9 @@ class _Search:
     def raise_penalty(self, multipliers: Array) -> None:
         """Keep nu_k above the multipliers, which makes the penalty exact (Nocedal & Wright, 18.3)."""
         size = np.abs(multipliers)
-        self.penalty = np.where(self.penalty < 1.1 * size, 1.5 * size, np.maximum(self.penalty * 0.9, 1.1 * size))
+        self.penalty = np.where(
+            self.penalty < 1.1 * size, 1.5 * size, np.maximum(self.penalty * 0.9, 1.1 * size)
+        )
 
     def correct(self, factor: Factor, x: Array) -> Array:
         """Second-order correction: the least move that removes the constraint values at x.
@@ -132,8 +134,13 @@ class _Search:
         return self._normal[1].solve(rhs)[: problem.size]
 
 
-def solve(problem: Problem, x: Array, multipliers: Array | None = None, options: Options | None = None) -> Result:
-    """Find a minimum of (2.19) near x (7N,), tracking locally; multipliers (5N+3,) are estimated if absent."""
+def solve(
+    problem: Problem, x: Array, multipliers: Array | None = None, options: Options | None = None
+) -> Result:
+    """Find a minimum of (2.19) near x (7N,), tracking locally.
+
+    Multipliers (5N+3,), those of (1.58), are estimated by least squares if absent.
+    """
     return _Solve(problem, options or Options()).run(problem.impose(x), multipliers)
 
 
@@ -178,7 +185,10 @@ class _Solve:
             following: _Point | None = None
             if point.worst > self.options.goal and self.steps < self.options.max_steps:
                 following = self._meet_saddle(point, found) or self._advance(point, factor, found)
-                if following is not None and following.worst > 0.5 * point.worst <= 0.5 * self.options.tolerance:
+                if (
+                    following is not None
+                    and following.worst > 0.5 * point.worst <= 0.5 * self.options.tolerance
+                ):
                     following = None  # converged, and as far as roundoff lets it
             if following is None:
                 if point.worst > self.options.tolerance:
@@ -191,9 +201,7 @@ class _Solve:
                 return self._stopped(point)
             point = following
 
-    def _judge(
-        self, point: _Point, factor: Factor, found: Direction
-    ) -> tuple[Result | None, _Point | None]:
+    def _judge(self, point: _Point, factor: Factor, found: Direction) -> tuple[Result | None, _Point | None]:
         """What a stationary point is: a result, or the point to go on from if it is a saddle to leave."""
         complaint = self._complaint(point)
         if complaint:
@@ -262,7 +270,8 @@ class _Solve:
             with np.errstate(over="ignore", invalid="ignore"):
                 trial = _point(self.problem, x, multipliers)
             if not np.isfinite(trial.worst):
-                self.trouble = (Status.NOT_FINITE, "")
+                if self.trouble[0] is Status.STALLED:
+                    self.trouble = (Status.NOT_FINITE, "")
                 return None
             if self._decreases(point, trial, found, t):
                 return trial if self._allowed(point, trial) else None
@@ -290,20 +299,22 @@ class _Solve:
     def _allowed(self, point: _Point, trial: _Point) -> bool:
         """The traps: no facet turns over, the band does not pass through itself."""
         if (inverted_facets(self.problem, trial.x) <= 0).any():
-            self.trouble = (Status.INVERTED_FACET, "")
+            if self.trouble[0] is not Status.LEFT_TOPOLOGY:
+                self.trouble = (Status.INVERTED_FACET, "")
             return False
         # Short steps go unchecked until together they are long enough to carry the band through itself.
-        self.unguarded += change(self.problem, point.x, trial.x - point.x)
-        if self.unguarded > GUARD_FROM:
+        moved = self.unguarded + change(self.problem, point.x, trial.x - point.x)
+        if moved > GUARD_FROM or self.trouble[0] is Status.LEFT_TOPOLOGY:
             complaint = self._complaint(trial)
             if complaint:
                 self.trouble = (Status.LEFT_TOPOLOGY, complaint)
                 return False
+            moved = 0.0
+        self.unguarded = moved
         return True
 
     def _complaint(self, point: _Point) -> str | None:
         """What the guard says of a point."""
-        self.unguarded = 0.0
         guard = self.options.guard
         return None if guard is None else guard(self.problem.state(point.x))
 
@@ -328,8 +339,10 @@ class _Solve:
                 trial = _point(self.problem, x, point.multipliers)
                 if not np.isfinite(trial.worst) or not self._allowed(point, trial):
                     continue
-                lower = trial.local.energy < point.local.energy if best is None else (
-                    trial.local.energy < best.local.energy
+                lower = (
+                    trial.local.energy < point.local.energy
+                    if best is None
+                    else (trial.local.energy < best.local.energy)
                 )
                 if lower:
                     best = trial

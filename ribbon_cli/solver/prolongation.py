@@ -17,7 +17,6 @@ from scipy.interpolate import CubicSpline
 from ..model import folding
 from ..model.band import Array, Band, State
 
-
 STEEPENING = 2.7
 """The gap 1 - max |b eta'| at an inflection falls like this power of h (measured on pi bands at b = 0.2
 to 1.0, N = 50 to 400: 2.5 to 2.8). It shapes starts only, never results."""
@@ -89,7 +88,7 @@ def smooth(state: State, segments: int, phase: Phase = Phase.FACET) -> Start:
     fold = folding.from_state(state)
     kappa = fold.theta / (old.h * np.sqrt(1.0 + fold.eta**2))
     shift = grid_shift(inflections(kappa, old), new.h, phase)
-    nodes = shift + new.h * np.arange(segments)
+    nodes: Array = shift + new.h * np.arange(segments, dtype=np.float64)
     eta = _sampled_eta(state, fold.eta, new, nodes)
     theta = _sample(kappa, 0.0, sigma, length, nodes) * new.h * np.sqrt(1.0 + eta**2)
     closed = folding.close(folding.Folding(theta, eta), sigma)

@@ -10,6 +10,7 @@ over the k negative eigenpairs alone, where W v_j = mu_j v_j + A^T nu_j.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -57,31 +58,43 @@ def start_vector(size: int, fixed: np.ndarray) -> Array:
 
 
 def shift_below(matrix: KKTMatrix, count: int) -> Factor:
-    """Factor K - sigma M for a sigma below all negative eigenvalues, and at most a third below the lowest.
+    """Factor K - sigma M for a sigma below all negative eigenvalues and at most a third below the lowest.
 
     With such a shift the negative eigenvalues mu have 1 / (mu - sigma) above 1 / |sigma| and all others
-    below: Lanczos separates them at once, whatever the spread of the rest.
+    below: Lanczos separates them at once, whatever the spread of the rest. Quick counts find the shift, the
+    block reduction confirms it; it searches again by itself where they were wrong.
     Raises FactorisationError if no such shift is found.
     """
-    below, above = -1e-3, 0.0
-    while inertia(matrix, below).negative:
+    try:
+        quick = _search_shift(lambda sigma: Factor(matrix, shift=sigma).surplus > 0, count)
+        if inertia(matrix, quick).negative == 0:
+            return Factor(matrix, shift=quick)
+    except FactorisationError:
+        pass  # unregularised counts decide
+    return Factor(matrix, shift=_search_shift(lambda sigma: inertia(matrix, sigma).negative > 0, count))
+
+
+def _search_shift(any_below: Callable[[float], bool], count: int) -> float:
+    """Bracket the lowest eigenvalue by powers of 8, then halve the bracket's logarithm three times."""
+    below, above = -1e-2, 0.0
+    while any_below(below):
         below, above = 8.0 * below, below
         if below < -1e12:
             raise FactorisationError(f"no shift below the {count} negative eigenvalues was found")
     while not above:
-        if inertia(matrix, below / 8.0).negative:
+        if any_below(below / 8.0):
             above = below / 8.0
         else:
             below /= 8.0
             if below > -1e-14:
                 raise FactorisationError(f"the {count} negative eigenvalues are too small to separate")
     for _ in range(3):
-        middle = -np.sqrt(below * above)
-        if inertia(matrix, middle).negative:
+        middle = -float(np.sqrt(below * above))
+        if any_below(middle):
             above = middle
         else:
             below = middle
-    return Factor(matrix, shift=below)
+    return below
 
 
 def negative_eigenpairs(problem: Problem, matrix: KKTMatrix, count: int) -> tuple[Array, Array, Array]:
@@ -127,9 +140,9 @@ def lagrangian_gradient(problem: Problem, local: LocalDerivatives, multipliers: 
     n = problem.band.segments
     lam = multipliers[:-CLOSURE].reshape(n, PER_NODE)
     pulled = np.einsum("ikj,ik->ij", local.jacobian, lam)
-    total = np.bincount(
-        problem.stencil.index.ravel(), weights=pulled.ravel(), minlength=problem.size + 3
-    )[: problem.size]
+    total = np.bincount(problem.stencil.index.ravel(), weights=pulled.ravel(), minlength=problem.size + 3)[
+        : problem.size
+    ]
     out = local.gradient - total
     out.reshape(n, 7)[:, :3] -= problem.band.h * multipliers[-CLOSURE:]
     return out
@@ -167,9 +180,7 @@ def direction(
                 raise
             values, vectors, nu = dense_negative_eigenpairs(problem, local, factor.matrix)
     along = vectors.T @ step
-    return Direction(
-        step - 2.0 * vectors @ along, new - 2.0 * nu @ along, values, vectors, step, new
-    )
+    return Direction(step - 2.0 * vectors @ along, new - 2.0 * nu @ along, values, vectors, step, new)
 
 
 def null_space(problem: Problem, local: LocalDerivatives, rotations: Array) -> Array:

@@ -27,7 +27,8 @@ SLIDING_OVERLAP = 0.9
 class Spectrum:
     """Modes in ascending order of eigenvalue.
 
-    `values`, `residuals` |K^T (W - mu M) v| of metric-normalised modes v, and `sliding_overlap` are (k,); `labels` one of rotation, sliding, mode; `vectors` (m, N, 7), m <= k, of the lowest modes.
+    `values`, `residuals` |K^T (W - mu M) v| of metric-normalised modes v, and `sliding_overlap` are (k,);
+    `labels` are one of rotation, sliding, mode; `vectors` (m, N, 7), m <= k, are the lowest modes.
     `complete` says that all 2N - 3 are there.
     """
 
@@ -62,34 +63,38 @@ def sliding_tangent(problem: Problem, x: Array) -> Array:
     return out
 
 
-def _overlap(vectors: Array, weights: Array, x: Array, problem: Problem, rotations: Array) -> Array:
-    """|<v, t>| / (|v| |t|) with the sliding tangent t, rotations projected out, in the metric."""
+def _sliding(problem: Problem, x: Array, weights: Array, rotations: Array) -> Array:
+    """Covector M t / |t| (7N,) of the sliding tangent t, rotations projected out; zero if t is a rotation."""
     tangent = sliding_tangent(problem, x)
-    gram = rotations.T @ (weights[:, None] * rotations)
     if rotations.shape[1]:
+        gram = rotations.T @ (weights[:, None] * rotations)
         tangent = tangent - rotations @ np.linalg.solve(gram, rotations.T @ (weights * tangent))
     size = np.sqrt(tangent @ (weights * tangent))
     if size < 1e-6 * np.sqrt(problem.band.segments * weights.max()):
-        return np.zeros(vectors.shape[1])
-    lengths = np.sqrt(np.einsum("ij,i,ij->j", vectors, weights, vectors))
-    out: Array = np.abs(vectors.T @ (weights * tangent)) / (lengths * size)
-    return np.minimum(out, 1.0)
+        return np.zeros(problem.size)
+    out: Array = weights * tangent / size
+    return out
 
 
 def _assemble(
-    problem: Problem, x: Array, rotations: Array, metric: str, complete: bool,
-    values: Array, residuals: Array, vectors: Array, keep: int,
+    metric: str,
+    rotations: Array,
+    weights: Array,
+    values: Array,
+    residuals: Array,
+    overlaps: Array,
+    vectors: Array,
+    complete: bool,
 ) -> Spectrum:
-    """Join the rotations to the other modes, label and sort."""
-    weights = metric_diagonal(problem, metric)
-    overlaps = _overlap(vectors, weights, x, problem, rotations)
+    """Join the rotations to the other modes, label and sort; `vectors` (7N, m) are the lowest m's."""
+    overlaps = np.minimum(np.abs(overlaps), 1.0)
     labels = ["sliding" if o > SLIDING_OVERLAP else "mode" for o in overlaps]
-    count = rotations.shape[1]
+    count, kept = rotations.shape[1], vectors.shape[1]
     values = np.concatenate((np.zeros(count), values))
     order = np.argsort(values, kind="stable")
     norms = np.sqrt(np.einsum("ij,i,ij->j", rotations, weights, rotations))
     every = np.column_stack((rotations / norms, vectors))
-    stored = order[: min(keep + count, every.shape[1])]
+    stored = order[order < count + kept][: count + kept]
     return Spectrum(
         metric,
         complete,
@@ -111,14 +116,17 @@ def full_spectra(
     out = []
     for metric in metrics:
         weights = metric_diagonal(problem, metric)
-        gram = basis.T @ (weights[:, None] * basis)
-        pencil = None if metric == "euclidean" else gram
-        values, y = linalg.eigh(projected, pencil, check_finite=False)
-        excess = projected @ y - (gram @ y) * values
-        residuals = np.linalg.norm(excess, axis=0)
-        out.append(
-            _assemble(problem, x, rotations, metric, True, values, residuals, basis @ y, keep)
+        common = float(weights.max())
+        odd = np.flatnonzero(weights != common)  # the basis is orthonormal: only these rows differ
+        gram = common * np.eye(basis.shape[1]) + basis[odd].T @ (
+            (weights[odd] - common)[:, None] * basis[odd]
         )
+        pencil = gram if odd.size else None
+        values, y = linalg.eigh(projected, pencil, check_finite=False)
+        residuals = np.linalg.norm(projected @ y - (gram @ y if odd.size else common * y) * values, axis=0)
+        overlaps = (_sliding(problem, x, weights, rotations) @ basis) @ y
+        vectors = basis @ y[:, :keep]
+        out.append(_assemble(metric, rotations, weights, values, residuals, overlaps, vectors, complete=True))
     return out
 
 
@@ -146,8 +154,15 @@ def lowest_spectrum(
     start = inverse(weights * start_vector(n, problem.fixed))
     try:
         values, vectors = sparse_linalg.eigsh(
-            hessian, k=count, M=sparse.diags(weights).tocsc(), sigma=factor.shift, OPinv=operator,
-            v0=start, ncv=min(n - 1, 2 * count + 16), which="LM", tol=1e-12,
+            hessian,
+            k=count,
+            M=sparse.diags(weights).tocsc(),
+            sigma=factor.shift,
+            OPinv=operator,
+            v0=start,
+            ncv=min(n - 1, 2 * count + 16),
+            which="LM",
+            tol=1e-12,
         )
     except sparse_linalg.ArpackError as error:
         raise FactorisationError(f"Lanczos: {error}") from error
@@ -158,7 +173,8 @@ def lowest_spectrum(
     values = np.einsum("ij,ij->j", vectors, hessian @ vectors)
     excess = hessian @ vectors - (weights[:, None] * vectors) * values
     residuals = _projected_norms(matrix, excess)
-    return _assemble(problem, x, rotations, metric, False, values, residuals, vectors, count)
+    overlaps = _sliding(problem, x, weights, rotations) @ vectors
+    return _assemble(metric, rotations, weights, values, residuals, overlaps, vectors, complete=False)
 
 
 def _projected_norms(matrix: KKTMatrix, excess: Array) -> Array:

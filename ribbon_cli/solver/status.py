@@ -27,7 +27,7 @@ class Status(Enum):
 
 
 _SENTENCES = {
-    Status.MINIMUM: "Converged to a minimum: residuals are small and the projected Hessian is positive definite.",
+    Status.MINIMUM: "Converged to a minimum: small residuals, positive definite projected Hessian.",
     Status.SADDLE: "Converged to a saddle: residuals are small, but the energy falls along some direction.",
     Status.STALLED: "Stalled: no step short enough makes progress.",
     Status.ITERATION_LIMIT: "Stopped at the limit of iterations before the residuals were small.",

@@ -122,5 +122,3 @@ def checked(problem: Problem, result: Result, half_twists: int) -> Result:
 def converged(result: Result) -> bool:
     """Whether a result is a stationary band of the right topology, certified or not."""
     return result.status in (Status.MINIMUM, Status.SADDLE, Status.UNDECIDED)
-
-

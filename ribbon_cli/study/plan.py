@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 from ..config import Config
 
-TWIST_STAGES_FROM = 1
 SECONDS_PER_STATE = 0.03
 SECONDS_PER_SEGMENT = 1.2e-4
 SPECTRUM_SECONDS = 4e-8
@@ -54,7 +53,8 @@ def refined_at(config: Config, half_width: float) -> tuple[int, ...]:
 
 def start_name(config: Config) -> str:
     """The stage that frees the initial guess."""
-    return {"twist": "twisted band freed", "cylinder": "cylinder", "state": "given state"}[config.guess.recipe]
+    names = {"twist": "twisted band freed", "cylinder": "cylinder", "state": "given state"}
+    return names[config.guess.recipe]
 
 
 def plan_of(config: Config) -> Plan:

@@ -15,7 +15,7 @@ from ..model.band import Array, Band, Discretisation, State
 from ..model.contact import self_contact
 from ..model.geometry import geometry
 from ..model.problem import Problem
-from ..model.topology import linking_number, open_turn, twist, writhe
+from ..model.topology import linking_number, open_turn, writhe
 from ..solver.linear import FactorisationError
 from ..solver.newton import inverted_facets
 from ..solver.spectra import Spectrum, full_spectra, lowest_spectrum
@@ -67,14 +67,19 @@ class Reached:
 def saddle_result(problem: Problem, met: SaddleMet) -> Result:
     """A saddle met on the way, as a result of its own."""
     return Result(
-        Status.SADDLE, met.x, met.multipliers, problem.state(met.x), met.energy,
-        met.kkt_residual, met.constraint_residual, met.index, 0,
+        Status.SADDLE,
+        met.x,
+        met.multipliers,
+        problem.state(met.x),
+        met.energy,
+        met.kkt_residual,
+        met.constraint_residual,
+        met.index,
+        0,
     )
 
 
-def build_record(
-    label: int, reached: Reached, clock: Clock, spectrum: SpectrumRequest | None
-) -> StateRecord:
+def build_record(label: int, reached: Reached, clock: Clock, spectrum: SpectrumRequest | None) -> StateRecord:
     """The record of a reached state; `spectrum` says which modes to compute, None none."""
     problem, result = reached.problem, reached.result
     band, state = problem.band, result.state

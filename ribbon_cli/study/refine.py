@@ -67,9 +67,7 @@ def _refine_all(
             record = following
             if named:
                 message = record.message
-                targets.append(
-                    Target(record.half_width, n, record.label, True, record.certified, message)
-                )
+                targets.append(Target(record.half_width, n, record.label, True, record.certified, message))
             failed = None if record.certified else record.message
         if failed is not None:
             steps.journal.note(failed)

@@ -123,7 +123,8 @@ class _Study:
 
     def _twist(self, ring: State) -> StateRecord | None:
         """The auxiliary problems of the twist; the last one's state, or None with `stopped` set."""
-        state, multipliers, record = ring, None, None
+        state, multipliers = ring, None
+        record: StateRecord | None = None
         for stage in twist_stages(self.config.half_twists, self.config.guess.steps or 1):
             self.steps.begin(stage.name, ring.band.half_width, ring.band.segments)
             parent = None if record is None else record.label
@@ -290,6 +291,4 @@ class _Study:
 
 
 def _target(record: StateRecord) -> Target:
-    return Target(
-        record.half_width, record.segments, record.label, True, record.certified, record.message
-    )
+    return Target(record.half_width, record.segments, record.label, True, record.certified, record.message)
