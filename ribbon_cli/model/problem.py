@@ -150,7 +150,8 @@ class Problem:
 
     def weighted_constraints(self, x: Array) -> Array:
         """Constraint values (5N+3,) weighted by (2.47)."""
-        return self.constraints(x) * self.weights
+        out: Array = self.constraints(x) * self.weights
+        return out
 
     def local_derivatives(self, x: Array, multipliers: Array) -> LocalDerivatives:
         """All derivatives at x for multipliers (5N+3,), node by node."""

@@ -22,6 +22,8 @@ is 4 (1 + 20 x)/(1 + 5 x), and Richardson's correction is wrong by the fraction 
 2 +- 0.25 means x = 0.013 or -0.010, hence a correction that is right to 5 %.
 """
 
+STEADY_ORDER = 0.05
+"""Largest |observed order - 2|, twice in a row, that needs no check of h/b: bands without layers (rings)."""
 LAYER_RESOLUTION = 0.04
 """Largest h/b at which the boundary layers of width b beside an inflection are resolved.
 
@@ -198,7 +200,7 @@ def _judge(energies: Sequence[float], mesh: float) -> tuple[float | None, float 
     if max(abs(previous), abs(last)) <= floor:
         return floor, None, ""
     order = math.log2(previous / last) if previous * last > 0 else None
-    octaves = max(0, math.ceil(math.log2(mesh / LAYER_RESOLUTION)))
+    octaves = 0 if _steady(changes) else max(0, math.ceil(math.log2(mesh / LAYER_RESOLUTION)))
     doubts = []
     if len({change > 0 for change in changes[-3:]}) > 1:
         doubts.append("the differences E_2N - E_N change sign")
@@ -216,6 +218,17 @@ def _judge(energies: Sequence[float], mesh: float) -> tuple[float | None, float 
     # the factor 1/3 instead of 1/15 covers a remainder that falls at order 2 only.
     step = last + (last - previous) / (FALL - 1)
     return max(abs(step) / (FALL - 1), floor), order, ""
+
+
+def _steady(changes: Sequence[float]) -> bool:
+    """Whether the last three differences fall at order 2 so evenly that no unresolved layer is at work.
+
+    A cancellation shows order 2 once by chance, not twice to within STEADY_ORDER.
+    """
+    if len(changes) < 3 or len({change > 0 for change in changes[-3:]}) > 1 or 0.0 in changes[-3:]:
+        return False
+    orders = [math.log2(a / b) for a, b in itertools.pairwise(changes[-3:])]
+    return all(abs(order - ORDER) <= STEADY_ORDER for order in orders)
 
 
 def _unsettled_error(previous: float, last: float, octaves: int) -> float | None:

@@ -1,0 +1,220 @@
+"""Configs run from guess to refinement: schedules, halving, given states, contact, missed targets."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from ribbon_cli.config import Config, parse_config
+from ribbon_cli.errors import UsageError
+from ribbon_cli.study import plan_of, refine_state, solve_config
+
+SMALL = """
+name: small
+topology: {half_twists: 1}
+initial_guess: {recipe: twist, segments: 20, half_width: 0.3, steps: 8}
+spectrum: {modes: 0, full_up_to: 0}
+"""
+
+
+def config(text: str, name: str = "small.yaml") -> Config:
+    return parse_config(text, name)
+
+
+class Recorder:
+    """A progress that remembers."""
+
+    def __init__(self) -> None:
+        self.stages: list[tuple[str, int, int]] = []
+        self.notes: list[str] = []
+        self.ended = 0
+
+    def stage(self, name: str, index: int, total: int, half_width: float, segments: int) -> None:
+        self.stages.append((name, index, total))
+
+    def step(self, iteration: int, energy: float, residual: float) -> None:
+        pass
+
+    def note(self, text: str) -> None:
+        self.notes.append(text)
+
+    def done(self) -> None:
+        self.ended += 1
+
+
+def test_a_schedule_reaches_its_widths_and_levels(tmp_path: Path) -> None:
+    text = SMALL + "widths: {from: 0.3, to: 0.5, steps: 2}\nrefinement: {levels: [20, 40], at: [0.5]}\n"
+    watch = Recorder()
+    outcome = solve_config(config(text), tmp_path, progress=watch)
+    assert [(t.half_width, t.segments) for t in outcome.targets] == [
+        (0.3, 20),
+        (0.4, 20),
+        (0.5, 20),
+        (0.5, 40),
+    ]
+    assert all(t.certified for t in outcome.targets)
+    assert outcome.exit_code == 0
+    assert watch.ended == 1
+    planned = plan_of(config(text)).stages
+    assert [name for name, _, _ in watch.stages] == [stage.name for stage in planned]
+    states = outcome.run.states(all=True)
+    assert {s["kind"] for s in states} == {"auxiliary", "saddle", "equilibrium"}
+    assert all(
+        s["linking_number"] == pytest.approx(0.5, abs=1e-9) for s in states if s["kind"] != "auxiliary"
+    )
+
+
+def test_a_step_that_fails_is_halved_and_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Steps of more than 0.06 in b are made to fail; the schedule gets there by halves and says so."""
+    from dataclasses import replace
+
+    from ribbon_cli.solver.status import Status
+    from ribbon_cli.study import solve as module
+
+    honest = module.to_width
+
+    def fragile(state, multipliers, half_width, options):
+        move = honest(state, multipliers, half_width, options)
+        if abs(half_width - state.band.half_width) > 0.06:
+            return replace(move, result=replace(move.result, status=Status.ITERATION_LIMIT))
+        return move
+
+    monkeypatch.setattr(module, "to_width", fragile)
+    outcome = solve_config(config(SMALL + "widths: [0.4]\n"), tmp_path)
+    assert outcome.exit_code == 0
+    states = outcome.run.states(all=True)
+    widths = [(s["kind"], s["half_width"]) for s in states if s["kind"] in ("intermediate", "equilibrium")]
+    assert widths == [("intermediate", 0.3), ("intermediate", pytest.approx(0.35)), ("equilibrium", 0.4)]
+    halved = next(s for s in states if s["half_width"] == pytest.approx(0.35))
+    assert "to 0.4 failed, halved" in halved["events"][0]
+    assert any("halved" in note for note in outcome.notes)
+    again = solve_config(config(SMALL + "widths: [0.4]\n"), tmp_path)
+    assert again.new_states == 0
+
+
+def test_a_width_out_of_reach_is_a_failure_that_names_itself(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from dataclasses import replace
+
+    from ribbon_cli.solver.status import Status
+    from ribbon_cli.study import solve as module
+
+    honest = module.to_width
+
+    def blocked(state, multipliers, half_width, options):
+        move = honest(state, multipliers, half_width, options)
+        status = Status.LEFT_TOPOLOGY if half_width > 0.35 else move.result.status
+        return replace(move, result=replace(move.result, status=status))
+
+    monkeypatch.setattr(module, "to_width", blocked)
+    outcome = solve_config(config(SMALL + "widths: [0.3, 0.4, 0.5]\nrefinement: [20, 40]\n"), tmp_path)
+    assert outcome.exit_code == 3
+    assert [t.reached for t in outcome.targets] == [True, True, False, False, False, False]
+    assert len(outcome.failures) == 4
+    assert all("passed through itself" in line for line in outcome.failures)
+    monkeypatch.setattr(module, "to_width", honest)
+    assert (
+        solve_config(config(SMALL + "widths: [0.3, 0.4, 0.5]\nrefinement: [20, 40]\n"), tmp_path).exit_code
+        == 0
+    )
+
+
+def test_handedness_changes_the_linking_number_and_nothing_else(tmp_path: Path) -> None:
+    right = solve_config(config(SMALL), tmp_path)
+    left = solve_config(config(SMALL.replace("half_twists: 1", "half_twists: -1")), tmp_path)
+    a, b = right.run.states()[-1], left.run.states()[-1]
+    assert b["energy"] == pytest.approx(a["energy"], rel=1e-10)
+    assert a["linking_number"] == pytest.approx(0.5, abs=1e-9)
+    assert b["linking_number"] == pytest.approx(-0.5, abs=1e-9)
+    assert b["writhe"] == pytest.approx(-a["writhe"], abs=1e-9)
+
+
+def test_a_given_state_starts_a_run(tmp_path: Path) -> None:
+    first = solve_config(config(SMALL), tmp_path)
+    ref = f"{first.run.name}:{first.targets[0].label}"
+    text = f"name: again\ntopology: {{half_twists: 1}}\ninitial_guess: {{state: '{ref}'}}\nwidths: [0.35]\n"
+    outcome = solve_config(config(text), tmp_path)
+    assert outcome.exit_code == 0
+    states = outcome.run.states(all=True)
+    assert states[0]["stage"] == "given state"
+    assert states[0]["energy"] == pytest.approx(first.run.states()[-1]["energy"], rel=1e-12)
+    assert states[-1]["half_width"] == 0.35
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (("half_twists: 1", "half_twists: -1"), "1 half-twists, where the config says"),
+        (("widths", "refinement: [40, 80]\nwidths"), "its first level must be that of the given state"),
+    ],
+)
+def test_a_given_state_must_fit(tmp_path: Path, change: tuple[str, str], words: str) -> None:
+    first = solve_config(config(SMALL), tmp_path)
+    guess = f"initial_guess: {{state: '{first.run.name}:10'}}"
+    text = "name: again\ntopology: {half_twists: 1}\n" + guess + "\nwidths: [0.35]\n"
+    with pytest.raises(UsageError, match=words):
+        solve_config(config(text.replace(*change)), tmp_path)
+    assert [p.name for p in tmp_path.iterdir() if p.name.startswith("again")] == []
+
+
+def test_contact_ends_a_schedule_if_asked_to(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from ribbon_cli.model.contact import Contact
+    from ribbon_cli.study import records
+
+    honest = records.self_contact
+
+    def touching(u, g, g_end, half_width, h):
+        found = honest(u, g, g_end, half_width, h)
+        return Contact(half_width > 0.35, found.pairs, found.clearance)
+
+    monkeypatch.setattr(records, "self_contact", touching)
+    text = SMALL + "widths: [0.3, 0.4, 0.5]\ncontact: HOW\n"
+    stopped = solve_config(config(text.replace("HOW", "stop")), tmp_path)
+    assert [t.half_width for t in stopped.targets] == [0.3, 0.4]
+    assert any("touches itself at b = 0.4" in note for note in stopped.notes)
+    recorded = solve_config(config(text.replace("HOW", "record")), tmp_path)
+    assert [t.half_width for t in recorded.targets] == [0.3, 0.4, 0.5]
+    assert [s["self_contact"] for s in recorded.run.states()] == [False, True, True]
+
+
+def test_refinement_by_hand(tmp_path: Path) -> None:
+    first = solve_config(config(SMALL), tmp_path)
+    label = first.targets[0].label
+    ref = f"{first.run.name}:{label}"
+    smooth = refine_state(tmp_path, ref, levels=2)
+    assert [t.segments for t in smooth.targets] == [40, 80]
+    odd = refine_state(tmp_path, ref, to=50)
+    assert [(t.segments, t.certified) for t in odd.targets] == [(50, True)]
+    split = refine_state(tmp_path, ref, to=80, method="split")
+    energies = {(s["segments"], s["method"]): s["energy"] for s in split.run.states(all=True)}
+    assert energies[80, "facets split in two"] == pytest.approx(
+        next(e for (n, m), e in energies.items() if n == 80 and m.startswith("smooth")), rel=1e-9
+    )
+    assert refine_state(tmp_path, ref, levels=2).new_states == 0
+    parents = {s["label"]: s["parent"] for s in split.run.states(all=True)}
+    assert parents[smooth.targets[0].label] == label
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({}, "give either"),
+        ({"to": 40, "levels": 1}, "give either"),
+        ({"levels": 0}, "at least 1"),
+        ({"to": 20}, "has 20 segments already"),
+        ({"to": 4}, "at least 8"),
+        ({"to": 50, "method": "split"}, "not 20 times a power of 2"),
+    ],
+)
+def test_refinements_that_make_no_sense(tmp_path: Path, options: dict, words: str) -> None:
+    first = solve_config(config(SMALL), tmp_path)
+    with pytest.raises(UsageError, match=words):
+        refine_state(tmp_path, f"{first.run.name}:{first.targets[0].label}", **options)
+
+
+def test_auxiliary_states_are_not_refined(tmp_path: Path) -> None:
+    first = solve_config(config(SMALL), tmp_path)
+    with pytest.raises(UsageError, match="auxiliary"):
+        refine_state(tmp_path, f"{first.run.name}:1", levels=1)
