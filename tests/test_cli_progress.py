@@ -49,21 +49,31 @@ def test_lines_where_there_is_no_terminal(stderr, monkeypatch):
     play(Settings())
     assert stream.getvalue().splitlines() == [
         "[ 1/12] twist 1/1: b = 0.1, N = 50: E = 1.250000000, residual 3.0e-12, 2 steps, 0.1 s",
+        "[ 2/12] freed [again]: b = 0.5, N = 100: no steps",
         "    a saddle was left [index 1]",
-        "[2-3/12] no step needed",
+        "[ 3/12] b = 0.5, N = 200: no steps",
     ]
 
 
-def test_a_stage_without_a_step_has_its_line(stderr):
+def test_stages_without_a_step_share_a_line(stderr):
     stream = stderr(io.StringIO())
     shown = module.Lines()
-    shown.stage("cylinder", 1, 2, 0.5, 50)
-    shown.stage("b = 0.8", 2, 2, 0.8, 50)
+    for index in (1, 2, 3):
+        shown.stage(f"twist {index}/3", index, 5, 0.5, 50)
+    shown.stage("b = 0.8", 4, 5, 0.8, 50)
     shown.step(1, 1.0, 1e-12)
+    shown.note("one")
+    shown.note("two")
+    shown.stage("b = 0.9", 5, 5, 0.9, 50)
     shown.done()
-    lines = stream.getvalue().splitlines()
-    assert lines[0] == "[1/2] cylinder: b = 0.5, N = 50: no step needed"
-    assert lines[1].startswith("[2/2] b = 0.8, N = 50: E = 1.000000000")
+    shown.done()
+    assert stream.getvalue().splitlines() == [
+        "[1-3/5] no steps",
+        "[4/5] b = 0.8, N = 50: E = 1.000000000, residual 1.0e-12, 1 step, 0.1 s",
+        "    one",
+        "    two",
+        "[5/5] b = 0.9, N = 50: no steps",
+    ]
 
 
 def test_verbose_lines_show_every_step(stderr):
@@ -111,7 +121,7 @@ def test_a_verbose_terminal_keeps_a_line_for_each_stage(stderr):
     play(Settings(verbose=True))
     assert "step 2: E = 1.250000000" in stream.getvalue()
     assert "2 steps, 0.1 s" in stream.getvalue()
-    assert "[ 3/12] b = 0.5, N = 200: no step needed" in stream.getvalue()
+    assert "[ 3/12] b = 0.5, N = 200: no steps" in stream.getvalue()
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import shutil
 import signal
 from collections.abc import Callable
 from typing import Any
@@ -257,6 +258,14 @@ def test_failures_of_a_config_are_named_once(scripted, folder):
         "ribbon: b = 0.5, N = 400: Converged to a saddle.",
         "ribbon: mobius:5: no certificate at b = 0.5, N = 800",
     ]
+
+
+def test_a_config_that_comes_to_nothing_has_an_empty_table(scripted, folder):
+    shutil.rmtree("runs")
+    scripted(MISSED, failures=("b = 0.8, N = 50: stalled",))
+    result = ribbon("convergence-table", "mobius.yaml", "-q")
+    assert (result.exit_code, result.stderr) == (3, "ribbon: b = 0.8, N = 50: stalled\n")
+    assert ribbon_json("convergence-table", "mobius.yaml", code=3)["rows"] == []
 
 
 def test_convergence_table_without_anything_to_show(folder):

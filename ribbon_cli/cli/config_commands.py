@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ribbon_cli.cli.completion import complete_file, complete_template
-from ribbon_cli.cli.output import check_target, complain, emit, emit_json, say
+from ribbon_cli.cli.output import check_target, emit, emit_json, say
 from ribbon_cli.cli.settings import Settings, common_options, pass_settings
 
 if TYPE_CHECKING:
@@ -94,4 +94,4 @@ def _show_plan(settings: Settings, config: Config) -> None:
         f"{len(plan.stages)} stages, about {duration(plan.cost)} on one core"
     )
     for note in plan.notes:
-        complain(note)
+        say(settings, note)

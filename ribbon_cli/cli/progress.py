@@ -44,7 +44,10 @@ def _on_terminal() -> bool:
 
 @dataclass
 class _Stage:
-    """The stage under way, and its last Newton step (`iteration` 0: none yet)."""
+    """The stage under way, and its last Newton step (`iteration` 0: none yet).
+
+    `written` tells that a note has made the stage's line come early.
+    """
 
     name: str = ""
     index: int = 0
@@ -55,6 +58,7 @@ class _Stage:
     energy: float = 0.0
     residual: float = 0.0
     started: float = field(default_factory=time.monotonic)
+    written: bool = False
 
     @property
     def heading(self) -> str:
@@ -72,7 +76,7 @@ class _Stage:
     def line(self) -> str:
         """The whole stage, once it is over."""
         if not self.iteration:
-            return f"{self.heading}: no step needed"
+            return f"{self.heading}: no steps"
         result = f"E = {self.energy:.9f}, residual {self.residual:.1e}"
         steps = f"{self.iteration} step{'s' * (self.iteration > 1)}"
         return f"{self.heading}: {result}, {steps}, {duration(time.monotonic() - self.started)}"
@@ -102,8 +106,10 @@ class Lines:
             self._write(current.step_line())
 
     def note(self, text: str) -> None:
-        """Something worth a line of its own happened."""
-        self._flush_idle()
+        """Something worth a line of its own happened: the line of its stage comes first."""
+        if self._current.index and not self._current.written:
+            self._flush_idle()
+            self._show_stage(self._current)
         self._write(f"    {text}")
 
     def done(self) -> None:
@@ -114,11 +120,18 @@ class Lines:
     def _end_stage(self) -> None:
         """Write the line of the stage under way, if there is one."""
         ended, self._current = self._current, _Stage()
-        if ended.index and not ended.iteration and not self._verbose:
-            self._idle.append(ended)
-        elif ended.index:
+        if not ended.index or ended.written:
+            return
+        if ended.iteration or self._verbose:
             self._flush_idle()
-            self._write(ended.line())
+            self._show_stage(ended)
+        else:
+            self._idle.append(ended)
+
+    def _show_stage(self, stage: _Stage) -> None:
+        """Write a stage's line."""
+        stage.written = True
+        self._write(stage.line())
 
     def _flush_idle(self) -> None:
         """Write the line that stages without a step share."""
@@ -126,7 +139,7 @@ class Lines:
         if len(idle) == 1:
             self._write(idle[0].line())
         elif idle:
-            self._write(f"[{idle[0].index}-{idle[-1].index}/{idle[-1].total}] no step needed")
+            self._write(f"[{idle[0].index}-{idle[-1].index}/{idle[-1].total}] no steps")
 
     def _write(self, text: str) -> None:
         complain(text)
@@ -152,11 +165,19 @@ class Bar(Lines):
         self._bar.update(self._task, figures=f"E = {energy:.9f}  {residual:.1e}")
 
     def _end_stage(self) -> None:
-        """Move the bar on; only those who want every step want a line that stays."""
+        """Move the bar on, whether or not the stage leaves a line."""
         if self._current.index:
             self._bar.update(self._task, completed=self._current.index)
+        super()._end_stage()
+
+    def _show_stage(self, stage: _Stage) -> None:
+        """Only those who want every step want lines that stay."""
         if self._verbose:
-            super()._end_stage()
+            super()._show_stage(stage)
+
+    def _flush_idle(self) -> None:
+        """The bar stands where it stands."""
+        self._idle = []
 
     def _write(self, text: str) -> None:
         self._bar.console.print(text, markup=False, highlight=False, soft_wrap=True)

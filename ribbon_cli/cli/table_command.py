@@ -57,7 +57,7 @@ def convergence_table(
         check_target(output, overwrite=True)
     other = _entry_of(settings, second_minimum) if second_minimum else None
     run, outcome = _run(settings, source, thesis)
-    table = _table(run)
+    table = _table(run, outcome)
     comparison = _comparison(settings, run, table, other) if thesis else ()
     _write(settings, table, comparison, style, output)
     failures = [*(outcome.failures if outcome else ()), *_uncertified(run, table, outcome)]
@@ -104,17 +104,20 @@ def _check_comparable(name: str, half_twists: int, length: float, discretisation
         )
 
 
-def _table(run: Run) -> Table:
-    """The run's table. Raises UsageError when it has nothing to show."""
+def _table(run: Run, outcome: Outcome | None) -> Table:
+    """The run's table, empty when solving its config came to nothing.
+
+    Raises UsageError when a run that was named has nothing to show.
+    """
     from ribbon_cli.report.convergence import convergence_rows
     from ribbon_cli.study import table_entries
 
     states = run.states()
-    if not states:
+    if not states and outcome is None:
         raise UsageError(
             f"{run.name} has no equilibria yet; `ribbon ls {run.short_name} --all` lists its states"
         )
-    return convergence_rows(table_entries(run), states[0]["length"])
+    return convergence_rows(table_entries(run), *(state["length"] for state in states[:1]))
 
 
 def _uncertified(run: Run, table: Table, outcome: Outcome | None) -> list[str]:

@@ -73,8 +73,6 @@ class Journal:
                 clock,
                 None,
             )
-        for event in reached.events:
-            self.note(f"{reached.stage}: {event}")
         record = self._commit(reached, clock, spectrum)
         self._ends[reached.stage] = record.label
         return record

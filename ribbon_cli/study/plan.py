@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from ..config import Config
 
-SECONDS_PER_STATE = 0.03
+SECONDS_PER_STATE = 0.05
 SECONDS_PER_SEGMENT = 1.2e-4
 SPECTRUM_SECONDS = 4e-8
 """Costs seen on a 2.6 GHz core: a stage with its certificate and file, Newton steps (linear in N), and a
@@ -78,7 +78,8 @@ def plan_of(config: Config) -> Plan:
             name = refinement_name(b, n) if b is not None else f"refined to N = {n}"
             stages.append(PlannedStage(name, "equilibrium", b, n))
     cost = sum(_cost(config, s) for s in stages)
-    notes = ("steps in width that fail are halved; what that adds is not counted",)
+    halving = "a step in width that fails is halved; what that adds is not counted"
+    notes = (halving,) if len(widths) > 1 or not named else ()
     return Plan(tuple(stages), cost, notes)
 
 

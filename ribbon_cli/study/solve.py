@@ -172,6 +172,7 @@ class _Study:
                 f"met a saddle of index {s.index} at E = {s.energy:.12g}, left along its negative direction"
                 for s in result.saddles
             )
+            self.steps.tell(stage, events)
             record = self.steps.store(
                 problem,
                 result,
@@ -238,7 +239,7 @@ class _Study:
         state, multipliers = state_of(current), multipliers_of(current)
         failures: list[str] = []
         whole: tuple[Move, Result, Clock] | None = None
-        for stage, width in self._candidates(current, b):
+        for stage, width in self._candidates(current, b)[self._first_candidate(current, b) :]:
             self.steps.begin(stage, width, current.segments)
             clock = self.journal.clock()
             move = to_width(state, multipliers, width, self.steps.options)
@@ -253,13 +254,27 @@ class _Study:
                 f"a step from b = {current.half_width:.12g} to {width:.12g} failed, halved: {result.message}"
             )
             self.journal.note(failures[-1])
-        self._stop(f"the step from b = {current.half_width:.12g} fails however short it is: {failures[-1]}")
-        if whole is not None and converged(whole[1]):
-            move, result, clock = whole
+        assert whole is not None
+        move, result, clock = whole
+        self._stop(f"no step from b = {current.half_width:.12g} towards {b:.12g} succeeds. {result.message}")
+        if converged(result) and move.band.half_width == b:
             return self.steps.store_move(
                 move, result, clock, kind="equilibrium", stage=width_name(b), parent=current.label
             )
         return None
+
+    def _first_candidate(self, current: StateRecord, b: float) -> int:
+        """Where to begin halving: at twice the step that led here, if that was a halved one.
+
+        Read off the stored states, so that a resumed run takes the same steps.
+        """
+        if current.kind != "intermediate" or current.parent is None or "on the way to" not in current.stage:
+            return 0
+        before = self.journal.run.load(current.parent)
+        last, left = abs(current.half_width - before.half_width), abs(b - current.half_width)
+        if last == 0.0 or left <= 2.0 * last * (1.0 + 1e-9):
+            return 0
+        return min(MOST_HALVINGS, math.ceil(math.log2(left / (2.0 * last)) - 1e-9))
 
     # --- refinement ---
 

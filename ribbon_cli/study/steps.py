@@ -41,6 +41,11 @@ class Steps:
         self._index += 1
         self.progress.stage(stage, self._index, max(self._total, self._index), half_width, segments)
 
+    def tell(self, stage: str, events: Sequence[str]) -> None:
+        """Note what happened in a stage."""
+        for event in events:
+            self.journal.note(f"{stage}: {event}")
+
     def store(
         self,
         problem: Problem,
@@ -73,6 +78,7 @@ class Steps:
         failures: Sequence[str] = (),
     ) -> StateRecord:
         """Store the end of a step along a branch with what was met on the way."""
+        self.tell(stage, move.events)
         met = replace(result, saddles=move.saddles, steps=move.steps)
         if not result.certified and met.saddles:
             met = replace(met, saddles=move.saddles[:-1])  # the last is the end itself
