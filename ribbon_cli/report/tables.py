@@ -32,7 +32,9 @@ def as_text(table: Table, comparison: Sequence[ComparisonRow] = ()) -> str:
     for *figures, note in cells:
         aligned = [cell.rjust(width) for cell, width in zip(figures, widths, strict=True)]
         lines.append("  ".join([*aligned, note]).rstrip())
-    blocks = ["\n".join(lines), "\n".join(["N -> infinity:", *map(_sentence, table.extrapolations)])]
+    blocks = ["\n".join(lines)]
+    if table.extrapolations:
+        blocks.append("\n".join(["N -> infinity:", *map(_sentence, table.extrapolations)]))
     if notes:
         blocks.append("\n".join(f"[{k}] {note}" for k, note in enumerate(notes, 1)))
     return "\n\n".join(blocks) + "\n"

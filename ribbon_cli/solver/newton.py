@@ -175,25 +175,21 @@ class _Solve:
             return self._result(Status.STALLED, self.last, detail=f"({error}.)")
 
     def _iterate(self, point: _Point) -> Result:
+        options = self.options
         while True:
             self.last = point
-            factor = self._factor(point)
-            found = direction(self.problem, point.local, point.multipliers, factor)
-            self.surplus_seen = max(self.surplus_seen, found.index)
-            if self.options.watch is not None:
-                self.options.watch(self.steps, point.local.energy, point.worst)
+            matrix = KKTMatrix(self.problem, point.local, self.problem.rotations(point.x))
+            if options.watch is not None:
+                options.watch(self.steps, point.local.energy, point.worst)
             following: _Point | None = None
-            if point.worst > self.options.goal and self.steps < self.options.max_steps:
-                following = self._meet_saddle(point, found) or self._advance(point, factor, found)
-                if (
-                    following is not None
-                    and following.worst > 0.5 * point.worst <= 0.5 * self.options.tolerance
-                ):
+            if point.worst > options.goal and self.steps < options.max_steps:
+                following = self._step(point, matrix)
+                if following is not None and following.worst > 0.5 * point.worst <= 0.5 * options.tolerance:
                     following = None  # converged, and as far as roundoff lets it
             if following is None:
-                if point.worst > self.options.tolerance:
+                if point.worst > options.tolerance:
                     return self._stopped(point)
-                verdict, following = self._judge(point, factor, found)
+                verdict, following = self._judge(point, matrix)
                 if verdict is not None:
                     return verdict
             self.steps += 1
@@ -201,26 +197,30 @@ class _Solve:
                 return self._stopped(point)
             point = following
 
-    def _judge(self, point: _Point, factor: Factor, found: Direction) -> tuple[Result | None, _Point | None]:
+    def _step(self, point: _Point, matrix: KKTMatrix) -> _Point | None:
+        """One accepted step towards a stationary point, or None."""
+        factor = Factor(matrix)
+        found = direction(self.problem, point.local, point.multipliers, factor)
+        self.surplus_seen = max(self.surplus_seen, found.index)
+        return self._meet_saddle(point, found) or self._advance(point, factor, found)
+
+    def _judge(self, point: _Point, matrix: KKTMatrix) -> tuple[Result | None, _Point | None]:
         """What a stationary point is: a result, or the point to go on from if it is a saddle to leave."""
         complaint = self._complaint(point)
         if complaint:
             return self._result(Status.LEFT_TOPOLOGY, point, detail=complaint), None
-        count = inertia(factor.matrix)
+        count = inertia(matrix)
         if not count.trusted:
             return self._result(Status.UNDECIDED, point, detail=f"(Pivot gap {count.gap:.1e}.)"), None
         if count.negative == 0:
             return self._result(Status.MINIMUM, point, negative=0), None
-        if found.index != count.negative:
-            found = direction(self.problem, point.local, point.multipliers, factor, count.negative)
         self.surplus_seen = max(self.surplus_seen, count.negative)
         if len(self.saddles) >= self.options.leave_saddles:
             return self._result(Status.SADDLE, point, negative=count.negative), None
+        factor = Factor(matrix)
+        found = direction(self.problem, point.local, point.multipliers, factor, count.negative)
         self._record_saddle(point, found)
         return None, self._leave(point, factor, found)
-
-    def _factor(self, point: _Point) -> Factor:
-        return Factor(KKTMatrix(self.problem, point.local, self.problem.rotations(point.x)))
 
     def _meet_saddle(self, point: _Point, found: Direction) -> _Point | None:
         """Close to a saddle, take the plain Newton step onto it, so that it is known and left on purpose.

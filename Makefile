@@ -1,0 +1,66 @@
+# Every target sets up what it needs; `make` alone lists them.
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+# Stamps: what is installed in .venv. They are made again when pyproject.toml changes.
+READY := $(VENV)/ready
+READY_DEV := $(VENV)/ready-dev
+READY_BENCH := $(VENV)/ready-bench
+PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
+
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+.PHONY: help setup table-3.1 test lint bench clean
+
+help: ## list the targets
+	@sed -n 's/^\([a-z][a-z0-9.-]*\):.*## \(.*\)/make \1|\2/p' Makefile | awk -F'|' '{printf "%-16s %s\n", $$1, $$2}'
+
+setup: $(READY) ## make .venv with ribbon in it: .venv/bin/ribbon
+
+table-3.1: setup ## solve the pi-bands of Table 3.1 and print it beside the published numbers
+	@$(BIN)/ribbon solve configs/mobius-pi-second-minimum.yaml > /dev/null
+	@$(BIN)/ribbon convergence-table configs/mobius-pi.yaml --thesis \
+		--second-minimum mobius-pi-second-minimum@b=0.1,N=50
+
+test: $(READY_DEV) ## run the whole test suite
+	@$(BIN)/python -m pytest
+
+lint: $(READY_DEV) ## check style, format and types
+	@$(BIN)/ruff check .
+	@$(BIN)/ruff format --check .
+	@$(BIN)/mypy
+
+bench: $(READY_BENCH) ## measure the solver against CasADi with IPOPT
+	@$(BIN)/python -m bench.run
+
+clean: ## remove .venv and caches; runs stay
+	rm -rf $(VENV) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .coverage
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+$(READY): pyproject.toml
+	@$(new-venv)
+	@$(PIP) install --editable .
+	@touch $@
+
+$(READY_DEV): pyproject.toml
+	@$(new-venv)
+	@$(PIP) install --editable '.[dev,bench]'
+	@touch $@ $(READY) $(READY_BENCH)
+
+$(READY_BENCH): pyproject.toml
+	@$(new-venv)
+	@$(PIP) install --editable '.[bench]'
+	@touch $@ $(READY)
+
+# A virtual environment, unless a working one is there; the interpreter is checked before it is used.
+define new-venv
+$(BIN)/python -m pip --version > /dev/null 2>&1 || { \
+	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2> /dev/null || { \
+		echo "ribbon needs Python 3.11 or later, and '$(PYTHON)' is none: name one, as in 'make PYTHON=python3.12 $(or $(MAKECMDGOALS),setup)'" >&2; \
+		exit 1; \
+	}; \
+	echo "setting up $(VENV), once" >&2; \
+	$(PYTHON) -m venv --clear $(VENV); \
+}
+endef

@@ -1,0 +1,119 @@
+"""House rules that a machine can hold: who imports whom, sizes, docstrings, no print."""
+
+from __future__ import annotations
+
+import ast
+import statistics
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import ribbon_cli
+
+PACKAGE = Path(ribbon_cli.__file__).parent
+MODULES = sorted(PACKAGE.rglob("*.py"))
+
+RANKS = {
+    "errors": 0,
+    "model": 1,
+    "solver": 2,
+    "recipes": 3,
+    "config": 4,
+    "store": 4,
+    "report": 5,
+    "study": 6,
+    "api": 7,
+    "cli": 8,
+}
+"""A room imports from itself and from rooms of lower rank; see docs/architecture.md."""
+FRONT_DOORS = {"__init__", "__main__"}
+"""The package's own modules, which open every room."""
+CLOSED = {
+    "config": {"model", "solver", "recipes"},
+    "store": {"model", "solver", "recipes"},  # files outlive the mathematics that filled them
+    "report": {"solver", "recipes"},  # reads states, never solves
+    "cli": {"model", "solver", "recipes"},  # holds no numerics
+}
+"""Rooms of lower rank that a room keeps out of all the same."""
+LONGEST, LONGEST_MEDIAN = 600, 220
+
+
+def name_of(path: Path) -> str:
+    return ".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts)
+
+
+def tree_of(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
+def room(module: str) -> str:
+    """`ribbon_cli.model.band` is in `model`; what the package offers by itself is in `api`."""
+    name = module.split(".")[1]
+    return "api" if name in {*ribbon_cli.__all__, "__version__"} else name
+
+
+def imported(path: Path) -> set[str]:
+    """What a module imports of this package by dotted name, inside functions as well."""
+    package = name_of(path).split(".")[:-1]
+    found = set()
+    for node in ast.walk(tree_of(path)):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            base = package[: len(package) - node.level + 1] if node.level else []
+            source = ".".join([*base, *([node.module] if node.module else [])])
+            found |= {f"{source}.{alias.name}" for alias in node.names}
+    return {name for name in found if name.startswith("ribbon_cli.")}
+
+
+def test_every_room_has_a_rank() -> None:
+    assert {room(name_of(path)) for path in MODULES} - FRONT_DOORS == set(RANKS)
+
+
+@pytest.mark.parametrize("path", MODULES, ids=name_of)
+def test_imports_go_down(path: Path) -> None:
+    here = room(name_of(path))
+    if here in FRONT_DOORS:
+        return
+    for name in imported(path):
+        there = room(name)
+        assert there == here or RANKS[there] < RANKS[here], f"{here} must not import {name}"
+        assert there not in CLOSED.get(here, ()), f"{here} must not import {name}"
+
+
+def test_modules_are_short() -> None:
+    lengths = {name_of(path): len(path.read_text(encoding="utf-8").splitlines()) for path in MODULES}
+    assert {name: length for name, length in lengths.items() if length > LONGEST} == {}
+    assert statistics.median(lengths.values()) < LONGEST_MEDIAN
+
+
+@pytest.mark.parametrize("path", MODULES, ids=name_of)
+def test_nothing_is_printed(path: Path) -> None:
+    """Data goes out through `cli.output`; libraries return values."""
+    calls = [node.func for node in ast.walk(tree_of(path)) if isinstance(node, ast.Call)]
+    assert not any(isinstance(call, ast.Name) and call.id == "print" for call in calls)
+    if room(name_of(path)) != "cli":
+        assert not any(isinstance(call, ast.Attribute) and call.attr == "echo" for call in calls)
+
+
+@pytest.mark.parametrize("path", MODULES, ids=name_of)
+def test_public_things_have_docstrings(path: Path) -> None:
+    tree = tree_of(path)
+    assert ast.get_docstring(tree), f"{path}: no docstring"
+    for name, node in public_things(tree):
+        assert ast.get_docstring(node), f"{path}: {name} has no docstring"
+
+
+def public_things(
+    node: ast.Module | ast.ClassDef, prefix: str = ""
+) -> Iterator[tuple[str, ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef]]:
+    """Public classes, functions and methods of a module with their names."""
+    for child in node.body:
+        if not isinstance(child, ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
+            continue
+        if child.name.startswith("_"):
+            continue
+        yield prefix + child.name, child
+        if isinstance(child, ast.ClassDef):
+            yield from public_things(child, f"{prefix}{child.name}.")
