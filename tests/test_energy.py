@@ -132,15 +132,15 @@ def test_one_fold_of_an_oblique_strip() -> None:
         + math.sin(theta) * np.cross(axis, before)
         + (1.0 - math.cos(theta)) * (axis @ before) * axis
     )
-    local = np.zeros((1, SIZE))
-    local[0, U0], local[0, U], local[0, G] = before, after, np.array([eta, 0.0, 1.0])
-    local[0, [X0, X]] = xi
+    local = np.zeros((SIZE, 1))
+    local[U0, 0], local[U, 0], local[G, 0] = before, after, np.array([eta, 0.0, 1.0])
+    local[[X0, X], 0] = xi
     expected = band.half_width / band.h * (1.0 + eta**2) * (1.0 - math.cos(theta)) * xi / math.tanh(xi)
     assert energy_terms(band, local)[0] == pytest.approx(expected, rel=1e-14)
     terms, gradient, hessian = energy_derivatives(band, local, with_hessian=False)
     assert terms[0] == pytest.approx(expected, rel=1e-14)
     assert hessian is None
-    assert not gradient[0, G1].any()
+    assert not gradient[G1].any()
 
 
 def test_energy_is_never_negative_off_the_constraints() -> None:

@@ -13,7 +13,7 @@ from ribbon_cli.model.problem import Prescription, Problem
 from ribbon_cli.solver.dense import LARGEST, DenseModel, dense_direction
 from ribbon_cli.solver.inertia import inertia
 from ribbon_cli.solver.linear import Factor, FactorisationError
-from ribbon_cli.solver.saddle_free import direction, negative_eigenpairs
+from ribbon_cli.solver.saddle_free import direction, negative_eigenpairs, shift_below
 
 Place = tuple[Problem, Array, Array]
 
@@ -124,7 +124,7 @@ def test_lanczos_returns_the_multipliers_of_eigenvectors() -> None:
     """nu solves W v = mu v + A^T nu where no gauge force is needed, at a stationary point."""
     problem, x, y = problem_of("pi-b0.1-N50-saddle")
     local, _, matrix = assemble(problem, x, y)
-    values, vectors, nu = negative_eigenpairs(problem, matrix, 1)
+    values, vectors, nu = negative_eigenpairs(problem, shift_below(matrix, 1), 1)
     assert values[0] == pytest.approx(-0.0204, abs=5e-5)
     rest = problem.hessian_matrix(local) @ vectors - values * vectors - problem.jacobian_matrix(local).T @ nu
     assert np.abs(rest).max() < 1e-8

@@ -30,23 +30,29 @@ CLOSURE = 3
 
 
 def _hessian_structure() -> NDArray[np.bool_]:
-    """Structural nonzeros (14,14) of a node's Lagrangian Hessian, the triple product included."""
+    """Structural nonzeros (14,14) of a node's Lagrangian Hessian on and above the diagonal."""
     full = np.zeros((SIZE, SIZE), dtype=bool)
-    for a, b in ((U, U), (U0, U0), (G, G)):
-        full[a, b] = True
-    for a, b in ((U, U0), (U, G), (U0, G), (U, G1), (G, G1)):
-        full[a, b] = full[b, a] = True
-    for x in (X0, X):
-        for block in (U, U0, G):
-            full[block, x] = full[x, block] = True
-        full[x, X0] = full[x, X] = True
+    for rows, columns in ((U, U), (G, G), (U0, G), (U, G), (U, G1), (G, G1)):
+        full[rows, columns] = True
+    full[U0, U0] = full[U0, U] = np.eye(3, dtype=bool)
+    full[G, G1] = ~np.eye(3, dtype=bool)
+    for block in (U0, U, G):
+        full[block, X0:] = True
+    full[X0:, X0:] = True
+    return np.triu(full)
+
+
+def _jacobian_structure() -> NDArray[np.bool_]:
+    """Structural nonzeros (5,14) of a node's constraint rows, those of auxiliary problems included."""
+    full = np.zeros((PER_NODE, SIZE), dtype=bool)
+    for row, blocks in enumerate(((U,), (U, G), (U0, U, G), (U, G, G1), (U, G, G1, X))):
+        for block in blocks:
+            full[row, block] = True
     return full
 
 
-_STRUCTURE = _hessian_structure()
-HESSIAN_ENTRIES = np.flatnonzero(_STRUCTURE)
-_LOCAL_ROWS, _LOCAL_COLUMNS = np.nonzero(_STRUCTURE)
-JACOBIAN_SHAPE = (PER_NODE, SIZE)
+HESSIAN_ROWS, HESSIAN_COLUMNS = np.nonzero(_hessian_structure())
+JACOBIAN_ROWS, JACOBIAN_COLUMNS = np.nonzero(_jacobian_structure())
 
 
 @dataclass(frozen=True)
@@ -77,8 +83,8 @@ FREE = Prescription()
 class LocalDerivatives:
     """Per-node derivatives with seam signs applied, ready to be scattered.
 
-    `gradient` (7N,) of Q_h; `constraints` (5N+3,) and `jacobian` (N,5,14) weighted by (2.47);
-    `hessian` (N,14,14) of the Lagrangian.
+    `gradient` (7N,) of Q_h; `constraints` (5N+3,) and `jacobian` (5,14,N) weighted by (2.47);
+    `hessian` (14,14,N) of the Lagrangian, on and above its diagonal.
     """
 
     energy: float
@@ -86,6 +92,14 @@ class LocalDerivatives:
     constraints: Array
     jacobian: Array
     hessian: Array
+
+    def jacobian_entries(self) -> Array:
+        """Structural entries of the Jacobian, (37N,), those of one place in the stencil together."""
+        return self.jacobian[JACOBIAN_ROWS, JACOBIAN_COLUMNS].ravel()
+
+    def hessian_entries(self) -> Array:
+        """Structural entries of the Hessian on and above its diagonal, (75N,), ordered likewise."""
+        return self.hessian[HESSIAN_ROWS, HESSIAN_COLUMNS].ravel()
 
 
 class Problem:
@@ -140,13 +154,15 @@ class Problem:
 
     def constraints(self, x: Array) -> Array:
         """Constraint values (5N+3,) as written in (2.19), node by node, sum u last."""
-        local = self._local(x)
+        return self._constraints(self._local(x))
+
+    def _constraints(self, local: Array) -> Array:
         values = constraint_values(self.band, local)
         for node in self.prescription.rulings:
-            values[node, 1] = local[node, G] @ local[node, U]
+            values[1, node] = local[G, node] @ local[U, node]
         if self.prescription.seam is not None:
-            values[0, 2] = self._end @ local[0, U0]
-        return np.concatenate((values.ravel(), x.reshape(-1, 7)[:, :3].sum(axis=0)))
+            values[2, 0] = self._end @ local[U0, 0]
+        return np.concatenate((values.T.ravel(), local[U].sum(axis=1)))
 
     def weighted_constraints(self, x: Array) -> Array:
         """Constraint values (5N+3,) weighted by (2.47)."""
@@ -160,61 +176,68 @@ class Problem:
         terms, gradient, hessian = energy_derivatives(band, local)
         assert hessian is not None
         jacobian = constraint_jacobian(band, local)
-        weights = row_weights(band)
-        lam = multipliers[:-CLOSURE].reshape(-1, PER_NODE)
-        curvature = -lam * weights
+        weights = row_weights(band)[:, None]
+        curvature = -weights * multipliers[:-CLOSURE].reshape(-1, PER_NODE).T
         for node in self.prescription.rulings:
-            self._replace_unit_length_row(node, local, jacobian, hessian, lam[node, 1] * weights[1])
-            curvature[node, 1] = 0.0
+            self._replace_unit_length_row(node, local, jacobian, hessian, curvature)
         if self.prescription.seam is not None:
-            jacobian[0, 2] = 0.0
-            jacobian[0, 2, U0] = self._end
-            curvature[0, 2] = 0.0
+            jacobian[2, :, 0] = 0.0
+            jacobian[2, U0, 0] = self._end
+            curvature[2, 0] = 0.0
         add_constraint_hessian(band, local, curvature, hessian)
-        jacobian *= weights[None, :, None]
-        sign = self.stencil.sign
-        jacobian *= sign[:, None, :]
-        hessian *= sign[:, :, None] * sign[:, None, :]
+        jacobian *= weights[:, None]
+        seam = self.stencil
+        for values in (gradient, jacobian, hessian, hessian.transpose(1, 0, 2)):
+            seam.apply_signs(values)
         if self._has_fixed or self.prescription.seam is not None:
-            still = np.concatenate((self.fixed, np.ones(3, dtype=bool)))[self.stencil.index]
-            jacobian *= ~still[:, None, :]
-            hessian *= ~still[:, :, None] & ~still[:, None, :]
-            gradient *= ~still
-        total = np.bincount(
-            self.stencil.index.ravel(), weights=(gradient * sign).ravel(), minlength=self.size + 3
-        )[: self.size].astype(np.float64, copy=False)
-        return LocalDerivatives(float(terms.sum()), total, self.weighted_constraints(x), jacobian, hessian)
+            moves = ~np.concatenate((self.fixed, np.ones(3, dtype=bool)))[seam.index]
+            jacobian *= moves
+            hessian *= moves[:, None] & moves
+            gradient *= moves
+        return LocalDerivatives(
+            float(terms.sum()),
+            self.gathered(gradient),
+            self._constraints(local) * self.weights,
+            jacobian,
+            hessian,
+        )
+
+    def gathered(self, values: Array) -> Array:
+        """Sum local values (14,N) into a vector (7N,)."""
+        total = np.bincount(self.stencil.index.ravel(), weights=values.ravel(), minlength=self.size + 3)
+        return total[: self.size].astype(np.float64, copy=False)
 
     @staticmethod
     def _replace_unit_length_row(
-        node: int, local: Array, jacobian: Array, hessian: Array, multiplier: float
+        node: int, local: Array, jacobian: Array, hessian: Array, curvature: Array
     ) -> None:
         """Put g.u = 0 in place of |g|^2 = (g.u)^2 + 1 at a prescribed node; (2.19), second."""
-        jacobian[node, 1] = 0.0
-        jacobian[node, 1, U] = local[node, G]
-        jacobian[node, 1, G] = local[node, U]
-        eye = np.eye(3)
-        hessian[node, U, G] -= multiplier * eye
-        hessian[node, G, U] -= multiplier * eye
+        jacobian[1, :, node] = 0.0
+        jacobian[1, U, node] = local[G, node]
+        jacobian[1, G, node] = local[U, node]
+        hessian[U, G, node] += curvature[1, node] * np.eye(3)
+        curvature[1, node] = 0.0
 
     @cached_property
     def _jacobian_scatter(self) -> Scatter:
-        n = self.band.segments
-        rows = np.repeat(np.arange(PER_NODE * n).reshape(n, PER_NODE, 1), SIZE, axis=2)
-        columns = np.repeat(self.stencil.index[:, None, :], PER_NODE, axis=1)
+        n, index = self.band.segments, self.stencil.index
+        rows = PER_NODE * np.arange(n) + JACOBIAN_ROWS[:, None]
         closing_rows = PER_NODE * n + np.tile(np.arange(CLOSURE), n)
         closing_columns = (7 * np.arange(n)[:, None] + np.arange(3)).ravel()
         return Scatter.build(
             np.concatenate((rows.ravel(), closing_rows)),
-            np.concatenate((columns.ravel(), closing_columns)),
+            np.concatenate((index[JACOBIAN_COLUMNS].ravel(), closing_columns)),
             (self.rows, self.size + 3),
         )
 
     @cached_property
     def _hessian_scatter(self) -> Scatter:
-        index = self.stencil.index
+        rows, columns = self.stencil.index[HESSIAN_ROWS], self.stencil.index[HESSIAN_COLUMNS]
+        off = HESSIAN_ROWS != HESSIAN_COLUMNS
         return Scatter.build(
-            index[:, _LOCAL_ROWS].ravel(), index[:, _LOCAL_COLUMNS].ravel(), (self.size + 3, self.size + 3)
+            np.concatenate((rows.ravel(), columns[off].ravel())),
+            np.concatenate((columns.ravel(), rows[off].ravel())),
+            (self.size + 3, self.size + 3),
         )
 
     def jacobian(self, x: Array) -> sparse.csc_matrix:
@@ -224,7 +247,7 @@ class Problem:
     def jacobian_matrix(self, local: LocalDerivatives) -> sparse.csc_matrix:
         """Assemble the weighted Jacobian (5N+3, 7N) from local derivatives."""
         closing = np.full(CLOSURE * self.band.segments, self.band.h)
-        values = np.concatenate((local.jacobian.ravel(), closing))
+        values = np.concatenate((local.jacobian_entries(), closing))
         return self._jacobian_scatter.matrix(values)[:, : self.size]
 
     def hessian(self, x: Array, multipliers: Array) -> sparse.csc_matrix:
@@ -233,7 +256,8 @@ class Problem:
 
     def hessian_matrix(self, local: LocalDerivatives) -> sparse.csc_matrix:
         """Assemble the Lagrangian's Hessian (7N, 7N) from local derivatives."""
-        values = local.hessian.reshape(-1, SIZE * SIZE)[:, HESSIAN_ENTRIES].ravel()
+        off = local.hessian[HESSIAN_ROWS, HESSIAN_COLUMNS][HESSIAN_ROWS != HESSIAN_COLUMNS].ravel()
+        values = np.concatenate((local.hessian_entries(), off))
         return self._hessian_scatter.matrix(values)[: self.size, : self.size]
 
     def gradient(self, x: Array) -> Array:
@@ -254,10 +278,14 @@ class Problem:
             singular, rows = np.linalg.svd(stacked)[1:]
             axes = rows[singular < 1e-9].T
         y = x.reshape(-1, 7)
-        out = np.zeros((self.band.segments, 7, axes.shape[1]))
-        for k in range(axes.shape[1]):
-            out[:, :3, k] = np.cross(axes[:, k], y[:, :3])
-            out[:, 3:6, k] = np.cross(axes[:, k], y[:, 3:6])
+        spun = np.zeros((self.band.segments, 7, 3))
+        for first in (0, 3):
+            # Columns are e_k x v, that is -[v]x.
+            v = y[:, first : first + 3]
+            for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+                spun[:, first + i, j] = v[:, k]
+                spun[:, first + j, i] = -v[:, k]
+        out = spun @ axes if held else spun
         flat = out.reshape(self.size, -1)
         flat[self.fixed] = 0.0
         return np.linalg.qr(flat)[0] if flat.shape[1] else flat

@@ -8,70 +8,96 @@ are scaled by fixed powers of h and b, so that entries are of order one at every
 from __future__ import annotations
 
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 
 import numpy as np
+import qdldl
 from numpy.typing import NDArray
 from scipy import sparse
 
 from ..model.band import Array, Band
 from ..model.constraints import PER_NODE
-from ..model.problem import CLOSURE, HESSIAN_ENTRIES, LocalDerivatives, Problem
+from ..model.problem import (
+    CLOSURE,
+    HESSIAN_COLUMNS,
+    HESSIAN_ROWS,
+    JACOBIAN_COLUMNS,
+    JACOBIAN_ROWS,
+    LocalDerivatives,
+    Problem,
+)
 from ..model.sparsity import Scatter
-from ..model.stencil import SIZE, stencil
+from ..model.stencil import stencil
 
 BLOCK = 7 + PER_NODE
 
 
-@dataclass(frozen=True)
-class _Pattern:
-    scatter: Scatter
-    keep: np.ndarray  # which of the listed Hessian entries lie in the upper triangle
+@dataclass(frozen=True, eq=False)
+class Pattern:
+    """The upper triangle's pattern and the way to the whole symmetric matrix; one for each N.
+
+    `diagonal` are the places of the diagonal in the upper triangle's data, which becomes the whole matrix's
+    by data[whole_source]. `idle` factorisations share this pattern's symbolic one.
+    """
+
+    upper: Scatter
+    diagonal: NDArray[np.int64]
+    whole_indptr: NDArray[np.int32]
+    whole_indices: NDArray[np.int32]
+    whole_source: NDArray[np.int64]
+    idle: list[qdldl.Solver] = field(default_factory=list)
 
 
 @lru_cache(maxsize=64)
-def _pattern(segments: int, open_seam: bool, rotations: int) -> _Pattern:
-    """Upper-triangular pattern, built once per N."""
+def _pattern(segments: int, open_seam: bool, rotations: int) -> Pattern:
+    """Build the pattern, in the order of entries of `KKTMatrix`."""
     n, size = segments, 7 * segments
     index = stencil(Band(n, 1.0), open_seam=open_seam).index
     index = np.minimum(index, size - 1)  # the open seam's extra slots carry zeros only
-    rows = index[:, HESSIAN_ENTRIES // SIZE].ravel()
-    columns = index[:, HESSIAN_ENTRIES % SIZE].ravel()
-    keep = np.flatnonzero(rows <= columns)
-    jac_rows = np.repeat(index[:, None, :], PER_NODE, axis=1).ravel()
-    jac_columns = np.repeat(size + np.arange(PER_NODE * n), SIZE)
+    one, other = index[HESSIAN_ROWS], index[HESSIAN_COLUMNS]
+    jac_columns = size + PER_NODE * np.arange(n) + JACOBIAN_ROWS[:, None]
     tangents = (7 * np.arange(n)[:, None] + np.arange(3)).ravel()
     close_columns = size + PER_NODE * n + np.tile(np.arange(CLOSURE), n)
     moving = (7 * np.arange(n)[:, None] + np.arange(6)).ravel()
     first_gauge = size + PER_NODE * n + CLOSURE
     total = first_gauge + rotations
-    diagonal = np.arange(total)
-    return _Pattern(
-        Scatter.build(
-            np.concatenate((rows[keep], jac_rows, tangents, np.tile(moving, rotations), diagonal)),
-            np.concatenate(
-                (
-                    columns[keep],
-                    jac_columns,
-                    close_columns,
-                    first_gauge + np.repeat(np.arange(rotations), moving.size),
-                    diagonal,
-                )
-            ),
-            (total, total),
-        ),
-        keep,
+    gauge_columns = first_gauge + np.repeat(np.arange(rotations), moving.size)
+    every = np.arange(total)
+    rows = (np.minimum(one, other), index[JACOBIAN_COLUMNS], tangents, np.tile(moving, rotations), every)
+    columns = (np.maximum(one, other), jac_columns, close_columns, gauge_columns, every)
+    upper = Scatter.build(
+        np.concatenate([r.ravel() for r in rows]),
+        np.concatenate([c.ravel() for c in columns]),
+        (total, total),
     )
+    # Sorted columns of an upper triangle end on the diagonal.
+    diagonal = upper.indptr[1:].astype(np.int64) - 1
+    row, column = upper.indices.astype(np.int64), np.repeat(every, np.diff(upper.indptr))
+    place = np.arange(row.size)
+    off = row != column
+    row, column, place = (
+        np.concatenate(pair) for pair in ((row, column[off]), (column, row[off]), (place, place[off]))
+    )
+    order = np.lexsort((column, row))
+    indptr = np.searchsorted(row[order], np.arange(total + 1))
+    return Pattern(upper, diagonal, indptr.astype(np.int32), column[order].astype(np.int32), place[order])
 
 
-def scaling(problem: Problem, rotations: int) -> Array:
+@lru_cache(maxsize=16)
+def _scales(band: Band, pattern: Pattern, rotations: int) -> tuple[Array, Array]:
+    """The scaling of rows and columns, and its effect on the entries of the upper triangle."""
+    scale = scaling(band, rotations)
+    columns = np.repeat(np.arange(scale.size), np.diff(pattern.upper.indptr))
+    return scale, scale[pattern.upper.indices] * scale[columns]
+
+
+def scaling(band: Band, rotations: int) -> Array:
     """Symmetric scaling s (7N+5N+3+r,) that makes the entries of diag(s) K diag(s) of order one.
 
     From the sizes of the blocks: W_uu ~ b/h; weighted constraint rows ~ h, h, 1, 1, b; W_xixi ~ b h,
     with the xi column of the last row ~ h.
     """
-    band = problem.band
     n, h, b = band.segments, band.h, band.half_width
     sx = np.sqrt(h / b)
     x = np.full((n, 7), sx)
@@ -111,28 +137,30 @@ class KKTMatrix:
         self.gauge = rotations.shape[1]
         self.border = problem.rows + self.gauge
         self.fixed = problem.fixed
-        self.scale = scaling(problem, self.gauge)
-        self.metric = self.scale[: self.size] ** 2
         self.pattern = _pattern(n, problem.prescription.seam is not None, self.gauge)
-        moving = rotations.reshape(n, 7, -1)[:, :6].reshape(6 * n, -1)
-        diagonal = np.zeros(self.size + self.border)
-        diagonal[: self.size][problem.fixed] = 1.0 / self.scale[: self.size][problem.fixed] ** 2
-        hessian = local.hessian.reshape(n, SIZE * SIZE)[:, HESSIAN_ENTRIES].ravel()
+        self.scale, entry_scale = _scales(problem.band, self.pattern, self.gauge)
+        self.metric = self.scale[: self.size] ** 2
         values = np.concatenate(
             (
-                hessian[self.pattern.keep],
-                local.jacobian.ravel(),
+                local.hessian_entries(),
+                local.jacobian_entries(),
                 np.full(CLOSURE * n, problem.band.h),
-                moving.T.ravel(),
-                diagonal,
+                rotations.reshape(n, 7, self.gauge)[:, :6].reshape(6 * n, self.gauge).T.ravel(),
+                np.zeros(self.size + self.border),
             )
         )
-        scatter = self.pattern.scatter
-        data = scatter.data(values)
-        columns = np.repeat(np.arange(scatter.shape[1]), np.diff(scatter.indptr))
-        data *= self.scale[scatter.indices] * self.scale[columns]
-        self.upper = sparse.csc_matrix((data, scatter.indices, scatter.indptr), shape=scatter.shape)
-        self._strict = self.upper - sparse.diags(self.upper.diagonal())
+        data = self.pattern.upper.data(values) * entry_scale
+        data[self.pattern.diagonal[: self.size][problem.fixed]] = 1.0
+        self._fill(data)
+
+    def _fill(self, data: Array) -> None:
+        """Take the upper triangle's data, in CSC order."""
+        pattern = self.pattern
+        shape = pattern.upper.shape
+        self.upper = sparse.csc_matrix((data, pattern.upper.indices, pattern.upper.indptr), shape=shape)
+        self._whole = sparse.csr_matrix(
+            (data[pattern.whole_source], pattern.whole_indices, pattern.whole_indptr), shape=shape
+        )
 
     @cached_property
     def node_blocks(self) -> NodeBlocks:
@@ -149,25 +177,24 @@ class KKTMatrix:
         """The same matrix with the identity, on the scaled unknowns or on x itself, for the Hessian."""
         out = copy(self)
         out.__dict__.pop("node_blocks", None)
-        out.upper = self.upper.copy()
-        out.upper.data[: out.upper.indptr[self.size]] = 0.0
-        identity = 1.0 if scaled else self.scale[: self.size] ** 2
-        out.upper.data[out.upper.indptr[1 : self.size + 1] - 1] = identity
-        out._strict = out.upper - sparse.diags(out.upper.diagonal())
+        data = self.upper.data.copy()
+        data[: self.upper.indptr[self.size]] = 0.0
+        data[self.pattern.diagonal[: self.size]] = 1.0 if scaled else self.scale[: self.size] ** 2
+        out._fill(data)
         return out
 
     def product(self, v: Array) -> Array:
         """Scaled K v, for v (n+m+r,) or (n+m+r, k)."""
-        out: Array = self.upper @ v + self._strict.T @ v
+        out: Array = self._whole @ v
         return out
 
     def regularised(self, shift: float, delta: float) -> sparse.csc_matrix:
         """Upper triangle of K - shift (on x, unscaled metric) - delta (on multipliers, scaled)."""
-        diagonal = np.concatenate((-shift * self.metric, np.full(self.border, -delta)))
-        out = self.upper.copy()
-        last = out.indptr[1:] - 1  # sorted columns of an upper triangle end on the diagonal
-        out.data[last] += diagonal
-        return out
+        data = self.upper.data.copy()
+        diagonal = self.pattern.diagonal
+        data[diagonal[: self.size]] -= shift * self.metric
+        data[diagonal[self.size :]] -= delta
+        return sparse.csc_matrix((data, self.upper.indices, self.upper.indptr), shape=self.upper.shape)
 
 
 def _positions(matrix: KKTMatrix) -> NDArray[np.int64]:

@@ -8,6 +8,8 @@ regularisation.
 
 from __future__ import annotations
 
+import weakref
+
 import numpy as np
 import qdldl
 
@@ -15,13 +17,18 @@ from ..model.band import Array
 from .inertia import BlockReduction
 from .kkt import KKTMatrix
 
-DELTAS = (1e-8, 1e-7, 1e-9, 1e-6)
-"""Regularisations of the scaled multiplier block, in the order tried: far above roundoff, far below the
-scaled eigenvalues of the projected Hessian. Without pivoting a factorisation can be unlucky in one of
-them: refinement then fails to contract, and the next is tried."""
+DELTA = 1e-8
+DELTA_GRID = 400
+DELTA_FACTORS = (1.0, 10.0, 0.1, 100.0)
+"""Regularisation of the scaled multiplier block, and factors on it in the order tried: far above roundoff,
+far below the scaled eigenvalues of the projected Hessian. Without pivoting a factorisation can be unlucky in
+one of them: refinement then fails to contract, and the next is tried. Roundoff grows with N, and beyond
+`DELTA_GRID` segments the regularisation with it."""
 REFINEMENTS = 6
 RESIDUAL_GOAL = 1e-11
-RESIDUAL_LIMIT = 2e-9
+RESIDUAL_LIMIT = 1e-7
+"""Relative residual of a solution that is accepted: it bounds how far one Newton step can converge."""
+LANCZOS_LIMIT = 2e-9
 BACKWARD_LIMIT = 1e-10
 BACKWARD_GOAL = 1e-12
 BLOCK_REFINEMENTS = 2
@@ -48,22 +55,38 @@ class Factor:
         self._shift_diagonal = shift * matrix.metric
         self._tried = 0
         self._blocks: BlockReduction | None = None
-        self._solver = self._factor(DELTAS[0])
+        idle = matrix.pattern.idle
+        self._solver: qdldl.Solver | None = idle.pop() if idle else None
+        self._factor()
+        if self._solver is not None:
+            # Its symbolic part, four fifths of the work, serves the next matrix of this pattern.
+            weakref.finalize(self, idle.append, self._solver).atexit = False
 
-    def _factor(self, delta: float) -> qdldl.Solver | None:
-        """LDL^T with one regularisation; None if it meets a zero pivot."""
+    @property
+    def _delta(self) -> float:
+        grid = max(1.0, self.matrix.size / (7 * DELTA_GRID))
+        return DELTA * grid * DELTA_FACTORS[self._tried]
+
+    def _factor(self) -> None:
+        """LDL^T with the regularisation of this try; no pivots are kept if it meets a zero one."""
+        upper = self.matrix.regularised(self.shift, self._delta)
         try:
-            return qdldl.Solver(self.matrix.regularised(self.shift, delta), upper=True)
+            if self._solver is None:
+                self._solver = qdldl.Solver(upper, upper=True)
+            else:
+                self._solver.update(upper, upper=True)
         except RuntimeError:
-            return None
+            self._pivots = None
+            return
+        pivots = np.asarray(self._solver.factors()[1])
+        self._pivots = pivots if pivots.all() else None
 
     @property
     def surplus(self) -> int:
         """Negative pivots beyond those of the multiplier block."""
-        if self._solver is None:
+        if self._pivots is None or self._solver is None:
             return self._reduced().inertia.negative
-        pivots = np.asarray(self._solver.factors()[1])
-        return int((pivots < 0).sum()) - int(self.matrix.border)
+        return int((self._pivots < 0).sum()) - int(self.matrix.border)
 
     def _product(self, v: Array) -> Array:
         out = self.matrix.product(v)
@@ -85,21 +108,22 @@ class Factor:
         size = float(np.abs(rhs).max())
         if size == 0.0:
             return np.zeros_like(rhs)
+        limit = LANCZOS_LIMIT if backward else RESIDUAL_LIMIT
         while self._blocks is None:
             solution, error = self._refined(rhs, size)
-            if error <= RESIDUAL_LIMIT:
+            if error <= limit:
                 return solution
             if backward and error * size <= BACKWARD_GOAL * float(np.abs(solution).max()):
                 return solution
-            self._tried += 1
-            if self._tried == len(DELTAS):
+            if self._tried + 1 == len(DELTA_FACTORS):
                 break
-            self._solver = self._factor(DELTAS[self._tried])
+            self._tried += 1
+            self._factor()
         return self._solve_by_blocks(rhs, size)
 
     def _refined(self, rhs: Array, size: float) -> tuple[Array, float]:
         """The best of a few refinements and its residual relative to the right-hand side."""
-        if self._solver is None:
+        if self._pivots is None or self._solver is None:
             return rhs, np.inf
         solution = np.asarray(self._solver.solve(rhs))
         best, best_error = solution, np.inf

@@ -73,12 +73,14 @@ def _point(problem: Problem, x: Array, multipliers: Array) -> _Point:
     return _Point(x, multipliers, local, kkt, constraint)
 
 
-def estimate_multipliers(problem: Problem, x: Array) -> Array:
+def estimate_multipliers(problem: Problem, x: Array, local: LocalDerivatives | None = None) -> Array:
     """Least-squares multipliers (5N+3,) at x: they minimise |grad f - A^T lambda| in the scaled metric.
 
+    `local` are the derivatives at x, for any multipliers, if they are known.
     Raises FactorisationError if the constraints are linearly dependent at x.
     """
-    local = problem.local_derivatives(x, np.zeros(problem.rows))
+    if local is None:
+        local = problem.local_derivatives(x, np.zeros(problem.rows))
     matrix = KKTMatrix(problem, local, np.zeros((problem.size, 0)))
     # The scaled metric: identity on the scaled unknowns, which is diag(1/s^2) on x.
     factor = Factor(matrix.with_unit_metric())
@@ -89,8 +91,10 @@ def estimate_multipliers(problem: Problem, x: Array) -> Array:
 def inverted_facets(problem: Problem, x: Array) -> Array:
     """(u_i x g_i).(u_i x g_{i+1}) (N,): positive where a facet keeps its side."""
     y = x.reshape(-1, 7)
-    u, g = y[:, :3], y[:, 3:6]
-    out: Array = np.einsum("ij,ij->i", np.cross(u, g), np.cross(u, problem.next_rulings(x)))
+    u, g, following = y[:, :3], y[:, 3:6], problem.next_rulings(x)
+    # Lagrange's identity: (u x g).(u x g') = (u.u)(g.g') - (u.g)(u.g')
+    uu, gg = np.einsum("ij,ij->i", u, u), np.einsum("ij,ij->i", g, following)
+    out: Array = uu * gg - np.einsum("ij,ij->i", u, g) * np.einsum("ij,ij->i", u, following)
     return out
 
 
@@ -161,15 +165,16 @@ class _Solve:
             return self._run(x, multipliers)
 
     def _run(self, x: Array, multipliers: Array | None) -> Result:
-        self.last = _point(self.problem, x, np.zeros(self.problem.rows))
+        given = np.zeros(self.problem.rows) if multipliers is None else multipliers
+        self.last = _point(self.problem, x, given)
         if not np.isfinite(self.last.worst):
             return self._result(Status.NOT_FINITE, self.last)
         if (inverted_facets(self.problem, x) <= 0).any():
             return self._result(Status.INVERTED_FACET, self.last, detail="It was so at the start.")
         try:
             if multipliers is None:
-                multipliers = estimate_multipliers(self.problem, x)
-            self.last = _point(self.problem, x, multipliers)
+                estimated = estimate_multipliers(self.problem, x, self.last.local)
+                self.last = _point(self.problem, x, estimated)
             return self._iterate(self.last)
         except FactorisationError as error:
             return self._result(Status.STALLED, self.last, detail=f"({error}.)")

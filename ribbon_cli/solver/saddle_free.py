@@ -27,6 +27,8 @@ from .linear import Factor, FactorisationError
 LANCZOS_LIMIT = 60
 """Above this number of negative eigenpairs, or a sixth of all, the dense method is the cheaper one."""
 DENSE_SEGMENTS = 400
+QUICK_LIMIT = 6
+LANCZOS_TOLERANCE = 1e-13
 
 
 @dataclass(frozen=True)
@@ -97,15 +99,18 @@ def _search_shift(any_below: Callable[[float], bool], count: int) -> float:
     return below
 
 
-def negative_eigenpairs(problem: Problem, matrix: KKTMatrix, count: int) -> tuple[Array, Array, Array]:
+def negative_eigenpairs(problem: Problem, factor: Factor, count: int) -> tuple[Array, Array, Array]:
     """The `count` negative eigenpairs of the projected Hessian, Euclidean metric.
 
     Returns values (k,) ascending, vectors (7N, k), and nu (5N+3, k) with W v = mu v + A^T nu, by
-    shift-invert Lanczos on the KKT operator restricted to x.
+    shift-invert Lanczos on the KKT operator restricted to x. A factor shifted by `shift_below` serves always;
+    one of K itself has the negative 1/mu at its lower end, which is enough where they are not hidden among
+    large eigenvalues, and is given up soon if they are.
     Raises FactorisationError if it does not find as many as the inertia says.
     """
-    n = problem.size
-    factor = shift_below(matrix, count)
+    shifted = factor.shift < 0
+    ncv, restarts = (max(2 * count + 20, 30), 60) if shifted else (2 * count + 10, 3)
+    n, matrix = problem.size, factor.matrix
     rhs = np.zeros(matrix.size + matrix.border)
 
     def inverse(w: Array) -> Array:
@@ -118,7 +123,13 @@ def negative_eigenpairs(problem: Problem, matrix: KKTMatrix, count: int) -> tupl
     v0 = start_vector(n, problem.fixed)
     try:
         inverse_values, vectors = sparse_linalg.eigsh(
-            operator, k=count, which="LA", v0=v0, tol=0, ncv=min(n - 1, max(2 * count + 20, 30)), maxiter=60
+            operator,
+            k=count,
+            which="LA" if shifted else "SA",
+            v0=v0,
+            tol=LANCZOS_TOLERANCE,
+            ncv=min(n - 1, ncv),
+            maxiter=restarts,
         )
     except sparse_linalg.ArpackError as error:
         raise FactorisationError("Lanczos found too few negative eigenvalues") from error
@@ -138,12 +149,9 @@ def negative_eigenpairs(problem: Problem, matrix: KKTMatrix, count: int) -> tupl
 def lagrangian_gradient(problem: Problem, local: LocalDerivatives, multipliers: Array) -> Array:
     """Gradient (7N,) of the Lagrangian (2.53) in x, by gathering local Jacobians."""
     n = problem.band.segments
-    lam = multipliers[:-CLOSURE].reshape(n, PER_NODE)
-    pulled = np.einsum("ikj,ik->ij", local.jacobian, lam)
-    total = np.bincount(problem.stencil.index.ravel(), weights=pulled.ravel(), minlength=problem.size + 3)[
-        : problem.size
-    ]
-    out = local.gradient - total
+    lam = multipliers[:-CLOSURE].reshape(n, PER_NODE).T
+    pulled = np.einsum("kji,ki->ji", local.jacobian, lam)
+    out = local.gradient - problem.gathered(pulled)
     out.reshape(n, 7)[:, :3] -= problem.band.h * multipliers[-CLOSURE:]
     return out
 
@@ -162,25 +170,44 @@ def direction(
     gradient = lagrangian_gradient(problem, local, multipliers)
     z = factor.solve(np.concatenate((-gradient, -local.constraints, np.zeros(factor.matrix.gauge))))
     step, new = z[:n], multipliers - z[n : n + m]
+    found = _negative_space(problem, local, factor, index)
+    if found is None:
+        return Direction(step, new, np.empty(0), np.empty((n, 0)), step, new)
+    values, vectors, nu = found
+    along = vectors.T @ step
+    return Direction(step - 2.0 * vectors @ along, new - 2.0 * nu @ along, values, vectors, step, new)
+
+
+def _negative_space(
+    problem: Problem, local: LocalDerivatives, factor: Factor, index: int | None
+) -> tuple[Array, Array, Array] | None:
+    """The negative eigenpairs, None without any; `index` is their number where it is known.
+
+    Pivots regularised by delta > 0 count at least as many as there are: where Lanczos finds them all, the
+    count is right. Otherwise it can be off because the matrix is ill-conditioned, and the block reduction,
+    which needs no regularisation, counts again.
+    """
+    matrix = factor.matrix
     count = factor.surplus if index is None else index
-    if index is None and count != 0:
-        # A count by regularised pivots can be off where the matrix is ill-conditioned; eigenpairs are
-        # looked for only if the block reduction, which needs no regularisation, confirms it.
-        confirmed = inertia(factor.matrix)
+    if count == 0:
+        return None
+    if 0 < count <= QUICK_LIMIT:
+        try:
+            return negative_eigenpairs(problem, factor, count)
+        except FactorisationError:
+            pass
+    if index is None:
+        confirmed = inertia(matrix)
         count = confirmed.negative if confirmed.trusted else 0
     if count <= 0:
-        return Direction(step, new, np.empty(0), np.empty((n, 0)), step, new)
-    if count > LANCZOS_LIMIT or 6 * count > 2 * problem.band.segments:
-        values, vectors, nu = dense_negative_eigenpairs(problem, local, factor.matrix)
-    else:
+        return None
+    if count <= LANCZOS_LIMIT and 6 * count <= 2 * problem.band.segments:
         try:
-            values, vectors, nu = negative_eigenpairs(problem, factor.matrix, count)
+            return negative_eigenpairs(problem, shift_below(matrix, count), count)
         except FactorisationError:
             if problem.band.segments > DENSE_SEGMENTS:
                 raise
-            values, vectors, nu = dense_negative_eigenpairs(problem, local, factor.matrix)
-    along = vectors.T @ step
-    return Direction(step - 2.0 * vectors @ along, new - 2.0 * nu @ along, values, vectors, step, new)
+    return dense_negative_eigenpairs(problem, local, matrix)
 
 
 def null_space(problem: Problem, local: LocalDerivatives, rotations: Array) -> Array:
