@@ -7,13 +7,15 @@ index 1, or the other way round. Where a step ends on the saddle, its twin is tr
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import partial
 
 from ..model.band import Array, Band, State
 from ..model.folding import ClosureError
 from ..model.problem import Problem
 from .newton import Options, solve
-from .prolongation import Phase, phase_of, smooth, split
+from .prolongation import Phase, Start, phase_of, smooth, split
 from .status import Result, SaddleMet, Status
 
 TRACKING_STEPS = 60
@@ -24,8 +26,8 @@ TRACKING_STEPS = 60
 class Move:
     """Where a step along a branch ended: the last solve, the saddles met on the way, and in words how.
 
-    `steps` counts the Newton steps of all attempts; `surplus_seen` the most negative eigenvalues met in the
-    last.
+    `band` is that of the result; where the result is itself a saddle, it is the last of `saddles`. `steps`
+    counts the Newton steps of all attempts.
     """
 
     result: Result
@@ -36,115 +38,125 @@ class Move:
     steps: int
 
 
-def _met(result: Result) -> tuple[SaddleMet, ...]:
-    """The saddles of a result, the one it ended on included."""
+@dataclass
+class _Trail:
+    """What the attempts of one move leave behind."""
+
+    options: Options
+    saddles: list[SaddleMet] = field(default_factory=list)
+    events: list[str] = field(default_factory=list)
+    steps: int = 0
+
+    def solve(self, state: State, multipliers: Array | None, *, leaving: bool) -> Result:
+        """Solve from a state; saddles are met and kept, and left only if `leaving`."""
+        options = self.options
+        if not leaving:
+            options = replace(options, leave_saddles=0, max_steps=min(options.max_steps, TRACKING_STEPS))
+        result = solve(Problem(state.band), state.vector(), multipliers, options)
+        self.steps += result.steps
+        for met in (*result.saddles, *_ended_on(result)):
+            if not any(_same(met, known) for known in self.saddles):
+                self.saddles.append(met)
+        return result
+
+    def move(self, result: Result, method: str) -> Move:
+        """The move that ends with a result."""
+        ended = _ended_on(result)
+        others = [s for s in self.saddles if not any(_same(s, end) for end in ended)]
+        saddles = (*others, *ended)
+        return Move(result, result.state.band, saddles, method, tuple(self.events), self.steps)
+
+    def settle(self, saddle: Result, method: str) -> Move:
+        """From a saddle to a minimum: to the twin of the other grid phase, else along the way down."""
+        band, other = saddle.state.band, _other(phase_of(saddle.state))
+        words = _words(saddle)
+        if saddle.negative == 1:
+            try:
+                twin = self.solve(smooth(saddle.state, band.segments, other).state, None, leaving=False)
+            except ClosureError:
+                twin = saddle
+            if twin.certified and twin.energy < saddle.energy:
+                self.events.append(
+                    f"grid phase: {words}, its twin with the inflection on a {other.value} is the minimum"
+                )
+                return self.move(twin, method)
+        self.events.append(f"{words}, left along its negative direction")
+        return self.move(self.solve(saddle.state, saddle.multipliers, leaving=True), method)
+
+
+def _ended_on(result: Result) -> tuple[SaddleMet, ...]:
+    """The saddle that a result is, if it is one."""
     if result.status is not Status.SADDLE:
-        return result.saddles
-    last = SaddleMet(
-        result.x,
-        result.multipliers,
-        result.energy,
-        result.negative or 0,
-        result.kkt_residual,
-        result.constraint_residual,
-    )
-    return (*result.saddles, last)
+        return ()
+    negative = result.negative or 0
+    residuals = (result.kkt_residual, result.constraint_residual)
+    return (SaddleMet(result.x, result.multipliers, result.energy, negative, *residuals),)
+
+
+def _same(a: SaddleMet, b: SaddleMet) -> bool:
+    """Whether two saddles are one, met twice: same index, same energy to roundoff."""
+    return a.index == b.index and abs(a.energy - b.energy) <= 1e-11 * abs(a.energy)
+
+
+def _words(saddle: Result) -> str:
+    return f"met a saddle of index {saddle.negative} at E = {saddle.energy:.12g}"
+
+
+def _other(phase: Phase) -> Phase:
+    return Phase.FACET if phase is Phase.NODE else Phase.NODE
 
 
 def to_width(state: State, multipliers: Array, half_width: float, options: Options) -> Move:
     """Natural continuation from a state (with its multipliers (5N+3,)) to another half-width."""
-    band = state.band.with_half_width(half_width)
-    problem = Problem(band)
-    tracking = replace(options, leave_saddles=0, max_steps=min(options.max_steps, TRACKING_STEPS))
-    first = solve(problem, state.vector(), multipliers, tracking)
-    move = Move(first, band, _met(first), "continuation in width", (), first.steps)
-    return _settle(move, options) if first.status is Status.SADDLE else move
-
-
-def _settle(move: Move, options: Options) -> Move:
-    """From a saddle to a minimum: to the twin of the other grid phase, else along the negative direction."""
-    saddle = move.result
-    words = f"met a saddle of index {saddle.negative} at E = {saddle.energy:.12g}"
-    here = phase_of(saddle.state)
-    other = Phase.FACET if here is Phase.NODE else Phase.NODE
-    twin = None
-    if saddle.negative == 1:
-        twin = _attempt(lambda: smooth(saddle.state, move.band.segments, other).state, options)
-    if twin is not None:
-        steps = move.steps + twin.steps
-        if twin.certified and twin.energy < saddle.energy:
-            event = f"grid phase: {words}, its twin with the inflection on a {other.value} is the minimum"
-            return replace(move, result=twin, events=(*move.events, event), steps=steps)
-        move = replace(move, steps=steps)
-    left = solve(Problem(move.band), saddle.x, saddle.multipliers, options)
-    events = (*move.events, f"{words}, left along its negative direction")
-    known = (*move.saddles, *_met(left)[1:])
-    return replace(move, result=left, saddles=known, events=events, steps=move.steps + left.steps)
-
-
-def _attempt(start: object, options: Options) -> Result | None:
-    """Solve from a start that may fail to exist; saddles are not left."""
-    assert callable(start)
-    try:
-        state: State = start()
-    except ClosureError:
-        return None
-    tracking = replace(options, leave_saddles=0, max_steps=min(options.max_steps, TRACKING_STEPS))
-    return solve(Problem(state.band), state.vector(), None, tracking)
+    trail, method = _Trail(options), "continuation in width"
+    wider = State(state.band.with_half_width(half_width), state.u, state.g, state.xi)
+    result = trail.solve(wider, multipliers, leaving=False)
+    return trail.settle(result, method) if result.status is Status.SADDLE else trail.move(result, method)
 
 
 def to_segments(state: State, segments: int, options: Options, *, splitting: bool = False) -> Move:
     """Refine (or coarsen) a state to another number of segments.
 
-    Smooth prolongation in the coarse state's grid phase comes first, then the other phase; a saddle met in
-    both is left along its negative direction. `splitting` halves facets as in the thesis instead.
-    Raises ValueError if `splitting` is asked for anything but twice the segments.
+    Smooth prolongation in the coarse state's grid phase comes first, then the other phase; if both meet a
+    saddle it is left. Where prolongation has no start that works, and for `splitting`, facets are split as
+    in the thesis, which doubles their number.
+    Raises ClosureError if there is no start at all, ValueError if `splitting` is asked for anything but
+    twice the segments.
     """
-    band = state.band.with_segments(segments)
-    if splitting:
-        if segments != 2 * state.band.segments:
-            raise ValueError("splitting facets doubles the number of segments")
-        start = split(state)
-        only = solve(Problem(band), start.state.vector(), None, options)
-        return Move(only, band, _met(only), start.method, (), only.steps)
-    first_phase = phase_of(state)
-    phases = (first_phase, Phase.FACET if first_phase is Phase.NODE else Phase.NODE)
-    best: Move | None = None
-    steps = 0
-    events: tuple[str, ...] = ()
-    saddles: tuple[SaddleMet, ...] = ()
-    for phase in phases:
-        method = f"smooth prolongation, inflection on a {phase.value}"
-        result = _attempt(lambda phase=phase: smooth(state, segments, phase).state, options)
-        if result is None:
-            events = (*events, f"{method}: rulings would cross")
-            continue
-        steps += result.steps
-        if result.certified:
-            return Move(result, band, saddles, method, events, steps)
-        if result.status is Status.SADDLE:
-            saddles = (*saddles, *_met(result))
-            events = (
-                *events,
-                f"{method}: met a saddle of index {result.negative} at E = {result.energy:.12g}",
-            )
-        else:
-            events = (*events, f"{method}: {result.status.value} after {result.steps} steps")
-        move = Move(result, band, saddles, method, events, steps)
-        if best is None or result.status is Status.SADDLE:
-            best = move
-    if best is not None and best.result.status is Status.SADDLE:
-        return _settle(replace(best, saddles=saddles, events=events, steps=steps), options)
-    return _last_resort(state, best, events, steps, options)
+    doubled = segments == 2 * state.band.segments
+    if splitting and not doubled:
+        raise ValueError("splitting facets doubles the number of segments")
+    trail = _Trail(options)
+    ends: list[tuple[Result, str]] = []
+    if not splitting:
+        here = phase_of(state)
+        starts = (partial(smooth, state, segments, phase) for phase in (here, _other(here)))
+        for start in starts:
+            end = _attempt(trail, start)
+            if end is not None and end[0].certified:
+                return trail.move(*end)
+            ends += [] if end is None else [end]
+        for result, method in ends:
+            if result.status is Status.SADDLE:
+                return trail.settle(result, method)
+    if doubled:
+        start_split = split(state)
+        return trail.move(trail.solve(start_split.state, None, leaving=True), start_split.method)
+    if not ends:
+        raise ClosureError("; ".join(trail.events))
+    return trail.move(*ends[0])
 
 
-def _last_resort(
-    state: State, best: Move | None, events: tuple[str, ...], steps: int, options: Options
-) -> Move:
-    """Where smooth prolongation has no start: split facets until the grid is at least as fine."""
-    wanted = best.band.segments if best is not None else 2 * state.band.segments
-    if best is not None and wanted != 2 * state.band.segments:
-        return replace(best, events=events, steps=steps)
-    start = split(state)
-    result = solve(Problem(start.state.band), start.state.vector(), None, options)
-    return Move(result, start.state.band, _met(result), start.method, events, steps + result.steps)
+def _attempt(trail: _Trail, make: Callable[[], Start]) -> tuple[Result, str] | None:
+    """Solve from a start that may not exist; what comes of it is put down unless it is a minimum."""
+    try:
+        start = make()
+    except ClosureError as error:
+        trail.events.append(f"smooth prolongation: {error}")
+        return None
+    result = trail.solve(start.state, None, leaving=False)
+    if result.status is Status.SADDLE:
+        trail.events.append(f"{start.method}: {_words(result)}")
+    elif not result.certified:
+        trail.events.append(f"{start.method}: {result.status.value} after {result.steps} steps")
+    return result, start.method

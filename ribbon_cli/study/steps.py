@@ -7,9 +7,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from ..config import SpectrumRequest
+from ..model.folding import ClosureError
 from ..model.problem import Problem
 from ..solver.continuation import Move, to_segments
-from ..solver.status import Result
+from ..solver.status import Result, Status
 from ..store import Run, StateRecord
 from .journal import Journal, checked, converged, options_for
 from .progress import Progress
@@ -80,7 +81,7 @@ class Steps:
         """Store the end of a step along a branch with what was met on the way."""
         self.tell(stage, move.events)
         met = replace(result, saddles=move.saddles, steps=move.steps)
-        if not result.certified and met.saddles:
+        if result.status is Status.SADDLE:
             met = replace(met, saddles=move.saddles[:-1])  # the last is the end itself
         return self.store(
             Problem(move.band),
@@ -102,7 +103,10 @@ class Steps:
         if known is not None:
             return known
         clock = self.journal.clock()
-        move = to_segments(state_of(record), segments, self.options, splitting=splitting)
+        try:
+            move = to_segments(state_of(record), segments, self.options, splitting=splitting)
+        except ClosureError as error:
+            return f"{stage}: {error}"
         result = checked(Problem(move.band), move.result, self.half_twists)
         if not converged(result):
             return f"{stage}: {result.message}"
