@@ -1,0 +1,255 @@
+"""Every example in the documentation runs, and what it lists is what there is.
+
+Blocks marked `sh` and `python` are executed page by page, in order, in one folder. A `text` block after one
+is its output: blanks count once, and `...` stands for anything, on a line of its own for any lines. `yaml`
+blocks are whole configs; one that begins with `# NAME.yaml` is written to that file. Lines that set a clone
+up (`make`, `. .venv/bin/activate`) are checked and not run.
+"""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import os
+import re
+import subprocess
+import sys
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import pytest
+from cli_support import environment, ribbon
+
+from ribbon_cli import errors
+from ribbon_cli.cli.main import cli
+from ribbon_cli.config import RECIPES, SpectrumRequest, load_config, parse_config
+from ribbon_cli.config.parse import KEYS
+from ribbon_cli.solver.status import Status
+from ribbon_cli.store.layout import SPECTRUM, STATE
+from ribbon_cli.study import solve_config
+
+ROOT = Path(__file__).parent.parent
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md", *sorted(ROOT.glob("docs/*.md"))]
+BLOCK = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+LANGUAGES = {"sh", "python", "text", "yaml"}
+SETUP = re.compile(r"make( [A-Z]+=\S+)* (?P<target>[a-z][a-z0-9.-]*)|\. \.venv/bin/activate")
+TARGET = re.compile(r"^([a-z][a-z0-9.-]*):(?!=)", re.MULTILINE)
+
+
+@dataclass(frozen=True)
+class Block:
+    language: str
+    text: str
+    line: int
+
+
+def read(path: Path) -> str:
+    return path.read_text(encoding="utf-8")
+
+
+def blocks(path: Path) -> list[Block]:
+    text = read(path)
+    return [Block(m[1], m[2], text.count("\n", 0, m.start()) + 1) for m in BLOCK.finditer(text)]
+
+
+def page_name(path: Path) -> str:
+    return str(path.relative_to(ROOT))
+
+
+README = read(ROOT / "README.md")
+
+
+# --- examples ---
+
+
+@pytest.fixture
+def shell(tmp_path: Path) -> dict[str, str]:
+    """An environment in which `ribbon` is this interpreter's."""
+    folder = tmp_path / "bin"
+    folder.mkdir()
+    script = folder / "ribbon"
+    script.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m ribbon_cli "$@"\n', encoding="utf-8")
+    script.chmod(0o755)
+    path = os.pathsep.join([str(folder), os.environ["PATH"]])
+    return environment(PATH=path, PYTHONPATH=str(ROOT), PYTHONWARNINGS="error", TERM="dumb")
+
+
+@pytest.mark.parametrize("page", PAGES, ids=page_name)
+def test_the_examples_run(page: Path, tmp_path: Path, shell: dict[str, str]) -> None:
+    folder = tmp_path / "work"
+    folder.mkdir()
+    output: str | None = None
+    for block in blocks(page):
+        where = f"{page_name(page)}:{block.line}"
+        assert block.language in LANGUAGES, f"{where}: block marked {block.language!r}"
+        if block.language == "yaml":
+            write_config(block.text, folder)
+        elif block.language == "text":
+            assert output is None or matches(block.text, output), f"{where}: the output is\n{output}"
+            output = None
+        else:
+            command = command_of(block)
+            output = run_command(command, folder, shell, where) if command else None
+
+
+def write_config(text: str, folder: Path) -> None:
+    """Check a config, and keep it where it names a file."""
+    named = re.match(r"# (\S+\.yaml)\n", text)
+    if named:
+        (folder / named[1]).write_text(text, encoding="utf-8")
+    parse_config(text, named[1] if named else "example.yaml")
+
+
+def command_of(block: Block) -> list[str]:
+    """What to run for a block; nothing if all its lines set a clone up."""
+    if block.language == "python":
+        return [sys.executable, "-c", block.text]
+    lines = [line for line in block.text.splitlines() if not SETUP.fullmatch(line)]
+    return ["bash", "-euo", "pipefail", "-c", "\n".join(lines)] if lines else []
+
+
+def run_command(command: list[str], folder: Path, env: dict[str, str], where: str) -> str:
+    done = subprocess.run(
+        command, cwd=folder, env=env, capture_output=True, text=True, timeout=120, check=False
+    )
+    assert done.returncode == 0, f"{where}: exit code {done.returncode}\n{done.stdout}{done.stderr}"
+    return done.stdout
+
+
+def matches(expected: str, output: str) -> bool:
+    """Whether an output is the one shown, `...` standing for anything."""
+    pattern = ""
+    for line in expected.splitlines():
+        if line.strip() == "...":
+            pattern += r"(?:.*\n)*"
+        else:
+            pattern += re.escape(" ".join(line.split())).replace(r"\.\.\.", ".*") + r"\n"
+    flat = "".join(" ".join(line.split()) + "\n" for line in output.splitlines())
+    return re.fullmatch(pattern, flat) is not None
+
+
+def test_outputs_are_really_compared() -> None:
+    assert matches("a  b\n...\nc ... e\n", "a b\nx\ny\nc d e\n")
+    assert matches("a\n...\n", "a\n")
+    assert not matches("a b\n", "a c\n")
+    assert not matches("a\n", "a\nb\n")
+
+
+def test_table_3_1_is_what_the_command_prints(tmp_path: Path) -> None:
+    """The excerpt's lines, solved for at their widths, without spectra to be quick."""
+    (excerpt,) = [b.text for b in blocks(ROOT / "README.md") if b.language == "text" and "thesis" in b.text]
+    shown = [" ".join(line.split()) for line in excerpt.splitlines() if line.strip()]
+    config = load_config(ROOT / "configs" / "mobius-pi.yaml")
+    config = replace(config, widths=(0.1, 0.2, 0.5), spectrum=SpectrumRequest(0, 0))
+    config = replace(config, refinement=replace(config.refinement, at=(0.1, 0.5)))
+    solve_config(config, tmp_path)
+    solve_config(load_config(ROOT / "configs" / "mobius-pi-second-minimum.yaml"), tmp_path)
+    other = "mobius-pi-second-minimum@b=0.1,N=50"
+    printed = ribbon(
+        "--runs", tmp_path, "convergence-table", "mobius-pi", "--thesis", "--second-minimum", other
+    )
+    assert printed.exit_code == 0
+    assert set(shown) <= {" ".join(line.split()) for line in printed.stdout.splitlines()}
+    assert len(shown) > 10
+
+
+# --- what the pages list ---
+
+
+def test_make_targets_exist() -> None:
+    targets = set(TARGET.findall(read(ROOT / "Makefile")))
+    assert {"help", "setup", "test", "lint", "bench", "clean", "table-3.1"} <= targets
+    for page in PAGES:
+        lines = [line for b in blocks(page) if b.language == "sh" for line in b.text.splitlines()]
+        named = {m["target"] for m in map(SETUP.fullmatch, lines) if m and m["target"]}
+        named |= {m["target"] for m in SETUP.finditer(" ".join(re.findall(r"`(make [^`]+)`", read(page))))}
+        assert named <= targets, page_name(page)
+
+
+@pytest.mark.parametrize("target", ["help", "setup", "table-3.1", "test", "lint", "bench", "clean"])
+def test_make_can_plan(target: str) -> None:
+    done = subprocess.run(
+        ["make", "--dry-run", target], cwd=ROOT, capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def test_the_readme_names_every_command() -> None:
+    for command in cli.commands:
+        assert f"ribbon {command}" in README, command
+
+
+def test_the_readme_names_every_key_and_recipe() -> None:
+    section = README.partition("## The config")[2].partition("\n## ")[0]
+    assert [re.match(r"\| `(\w+)", row)[1] for row in rows(section)] == list(KEYS)  # type: ignore[index]
+    assert set(re.findall(r"recipe: (\w+)", section)) == set(RECIPES)
+
+
+def test_the_readme_names_every_exit_code() -> None:
+    section = README.partition("## Exit codes")[2].partition("\n## ")[0]
+    listed = {int(code) for row in rows(section) for code in re.findall(r"\d+", row.split("|")[1])}
+    leaves = {leaf.exit_code for leaf in errors.RibbonError.__subclasses__()}
+    assert listed == leaves | {0, errors.RibbonError.exit_code, 130, 143}
+
+
+def rows(section: str) -> list[str]:
+    """Rows of the first table in a text, without its head."""
+    table = [line for line in section.splitlines() if line.startswith("|")]
+    return table[2:]
+
+
+def test_notation_names_every_dataset() -> None:
+    named = set(re.findall(r"`(/\w+(?:/\w+)+)`", read(ROOT / "docs" / "notation.md")))
+    assert named == {item.path for item in (*STATE, *SPECTRUM)}
+
+
+def test_statuses_are_listed() -> None:
+    section = read(ROOT / "docs" / "solver.md").partition("## Statuses")[2].partition("\n## ")[0]
+    assert {row.split("`")[1] for row in rows(section)} == {status.value for status in Status}
+
+
+def test_constants_are_those_of_the_code() -> None:
+    section = read(ROOT / "docs" / "solver.md").partition("## Constants")[2]
+    table = rows(section)
+    assert len(table) > 15
+    for row in table:
+        name, shown = (cell.strip().strip("`") for cell in row.split("|")[1:3])
+        assert constant(name) == value(shown), name
+
+
+def constant(name: str) -> object:
+    """The value of MODULE.NAME or MODULE.CLASS.FIELD."""
+    parts = name.split(".")
+    path, rest = (parts[:2], parts[2:])
+    found: object = importlib.import_module(".".join(["ribbon_cli", *path]))
+    for part in rest:
+        found = getattr(found, part)
+    return found
+
+
+def value(text: str) -> object:
+    """A number or tuple as printed, `2**-14` included."""
+    base, power, exponent = text.partition("**")
+    return float(base) ** float(exponent) if power else ast.literal_eval(text)
+
+
+# --- links ---
+
+
+def anchors(path: Path) -> set[str]:
+    """Anchors of a page as GitHub makes them, and those written out."""
+    text = BLOCK.sub("", read(path))
+    heads = re.findall(r"^#+ (.*)$", text, re.MULTILINE)
+    slugs = {re.sub(r"[^\w\- ]", "", head.lower()).replace(" ", "-") for head in heads}
+    return slugs | set(re.findall(r'<a id="([^"]+)">', text))
+
+
+@pytest.mark.parametrize("page", PAGES, ids=page_name)
+def test_links_lead_somewhere(page: Path) -> None:
+    for link in re.findall(r"\]\(([^)\s]+)\)", BLOCK.sub("", read(page))):
+        if link.startswith("https://"):
+            continue
+        file, _, anchor = link.partition("#")
+        target = (page.parent / file).resolve() if file else page
+        assert target.is_file(), link
+        assert not anchor or anchor in anchors(target), link
