@@ -218,3 +218,20 @@ def test_auxiliary_states_are_not_refined(tmp_path: Path) -> None:
     first = solve_config(config(SMALL), tmp_path)
     with pytest.raises(UsageError, match="auxiliary"):
         refine_state(tmp_path, f"{first.run.name}:1", levels=1)
+
+
+def test_another_state_of_the_same_name_is_noticed(tmp_path: Path) -> None:
+    """A run belongs to the numbers it started from, not only to the name of their file."""
+    from ribbon_cli.store import export_npz
+
+    first = solve_config(config(SMALL + "widths: [0.3, 0.35]\n"), tmp_path)
+    one, two = (first.run.load(target.label) for target in first.targets)
+    text = "name: again\ntopology: {half_twists: 1}\ninitial_guess: {state: start.npz}\n"
+    again = config(text, str(tmp_path / "again.yaml"))
+    export_npz(one, tmp_path / "start.npz")
+    assert solve_config(again, tmp_path).run.states()[0]["half_width"] == pytest.approx(0.3)
+    export_npz(two, tmp_path / "start.npz", overwrite=True)
+    with pytest.raises(UsageError, match="this run started from"):
+        solve_config(again, tmp_path)
+    fresh = solve_config(again, tmp_path, fresh=True)
+    assert fresh.run.states()[0]["half_width"] == pytest.approx(0.35)

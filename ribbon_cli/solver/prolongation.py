@@ -17,6 +17,7 @@ from scipy.interpolate import CubicSpline
 from ..model import folding
 from ..model.band import Array, Band, State
 
+NEAR_LIMIT = 0.9
 STEEPENING = 2.7
 """The gap 1 - max |b eta'| at an inflection falls like this power of h (measured on pi bands at b = 0.2
 to 1.0, N = 50 to 400: 2.5 to 2.8). It shapes starts only, never results."""
@@ -127,7 +128,13 @@ def _sampled_eta(state: State, eta: Array, fine: Band, nodes: Array) -> Array:
     steep = np.abs(slope) > cap
     if not steep.any():
         return direct
-    capped = np.clip(slope, -cap, cap)
+    if np.abs(slope).max() >= 1.0:
+        # Rulings would cross: near the limit take xi's own spline, whose increments h tanh(xi) / b cannot.
+        xi = _sample(state.xi, 0.5 * old.h, old.sigma, old.length, nodes + 0.5 * fine.h)
+        steep = np.abs(slope) > NEAR_LIMIT
+        capped = np.where(steep, np.tanh(xi), slope)
+    else:
+        capped = np.clip(slope, -cap, cap)
     slack = np.where(steep, 0.0, 1.0 - np.minimum(slope**2, 1.0))
     capped += (slope.sum() - capped.sum()) * slack / slack.sum()
     rise = capped * (fine.h / fine.half_width)

@@ -69,7 +69,8 @@ class RunLock:
             return
         with suppress(OSError):
             os.unlink(self.folder / HOLDER)
-        self._lock.release(force=True)
+        with suppress(OSError):  # a close that fails has let go of the lock all the same
+            self._lock.release(force=True)
         self._lock = None
 
     @property

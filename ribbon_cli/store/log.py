@@ -57,9 +57,7 @@ def parse_line(line: bytes) -> dict[str, Any]:
 
 def _unreadable(path: Path, error: OSError) -> StoreError:
     """One line for a log that cannot be read."""
-    return StoreError(
-        f"{path}: cannot be read: {error.strerror}; `ribbon repair` rebuilds it from the states"
-    )
+    return StoreError(f"{path}: cannot be read: {error.strerror}; `solve --fresh` starts over, keeping it")
 
 
 def read_lines(path: Path) -> list[bytes]:
@@ -80,7 +78,7 @@ def read_log(path: Path) -> list[dict[str, Any]]:
             entries.append(parse_line(line))
         except ValueError as error:
             raise StoreError(
-                f"{path}:{number}: damaged line: {error}; `ribbon repair` rebuilds the log from the states"
+                f"{path}:{number}: damaged line: {error}; `solve --fresh` starts over, keeping it"
             ) from error
     return entries
 

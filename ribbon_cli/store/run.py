@@ -169,7 +169,7 @@ class Run:
         data = read_bytes(path)
         if hashlib.sha256(data).hexdigest() != entries[label]["sha256"]:
             raise StoreError(
-                f"{path}: damaged: not the bytes that were committed; `ribbon verify` tells more"
+                f"{path}: damaged: not the bytes that were committed; `solve --fresh` starts over, keeping it"
             )
         record = decode_bytes(data, str(path))
         if record.label != label:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 from pathlib import Path
+
+import numpy as np
 
 from ..config import Config
 from ..errors import UsageError
@@ -14,6 +17,8 @@ from .records import state_of
 
 def given_state(config: Config, root: Path) -> tuple[State, str]:
     """The state of `initial_guess: {state: ...}` in the config's length and discretisation, and its name.
+
+    The name bears a hash of the state's numbers, so that a run can tell whether it started from them.
 
     Raises UsageError if it does not exist or is not the band that the config describes, StoreError if it is
     damaged.
@@ -35,7 +40,15 @@ def given_state(config: Config, root: Path) -> tuple[State, str]:
         found.band.sigma,
         Discretisation(config.discretisation),
     )
-    return State(band, found.u, found.g, found.xi), config.guess.state_as_written or ref
+    return State(band, found.u, found.g, found.xi), f"{config.guess.state_as_written or ref} ({_mark(found)})"
+
+
+def _mark(state: State) -> str:
+    """What tells one given state from another of the same name: the start of a hash of its numbers."""
+    band = state.band
+    digest = hashlib.sha256(np.array([band.half_width, band.length, band.sigma]).tobytes())
+    digest.update(np.ascontiguousarray(state.vector()).tobytes())
+    return f"sha256 {digest.hexdigest()[:16]}"
 
 
 def _record(run: Run | None, label: int | None, path: Path) -> StateRecord:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ..config import Config, dump_resolved
+from ..errors import UsageError
 from ..model.band import Band, Discretisation, State
 from ..model.problem import Problem
 from ..recipes.cylinder import cylinder
@@ -159,6 +160,11 @@ class _Study:
         kind = "equilibrium" if named else "intermediate"
         self.steps.begin(stage, band.half_width, band.segments)
         record = self.journal.finished(stage)
+        if record is not None and record.parent_ref != parent_ref:
+            raise UsageError(
+                f"initial_guess.state: now {parent_ref}, but this run started from {record.parent_ref}: "
+                f"give the config another name, or start over with --fresh"
+            )
         if record is None:
             clock = self.journal.clock()
             problem = Problem(band)
