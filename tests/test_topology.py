@@ -200,14 +200,14 @@ def test_projection_along_an_edge_is_avoided() -> None:
     """The curve is turned so that an edge lies along each of the first directions in turn."""
     u = trefoil(60)
     expected = writhe_reference(u, 0.1)
-    for k, z in enumerate(topology._directions()[:6]):
+    for k, (z, plane) in enumerate(topology._views()[:6]):
         source, target = np.linalg.svd(u[7 * k][None])[2], np.linalg.svd(z[None])[2]
         source[0], target[0] = u[7 * k], z
         source[2] *= np.sign(np.linalg.det(source))
         target[2] *= np.sign(np.linalg.det(target))
         turned = u @ source.T @ target
         assert turned[7 * k] == pytest.approx(z)
-        assert topology._writhe_along(turned, np.cumsum(0.1 * turned, axis=0), 0.1, z) is None
+        assert topology._writhe_along(turned, np.cumsum(0.1 * turned, axis=0), 0.1, z, plane) is None
         assert writhe(turned, 0.1) == pytest.approx(expected, abs=1e-10)
 
 

@@ -288,7 +288,11 @@ class Problem:
         out = spun @ axes if held else spun
         flat = out.reshape(self.size, -1)
         flat[self.fixed] = 0.0
-        return np.linalg.qr(flat)[0] if flat.shape[1] else flat
+        try:
+            factor = np.linalg.cholesky(flat.T @ flat)
+        except np.linalg.LinAlgError:
+            return np.linalg.qr(flat)[0]
+        return flat @ np.linalg.inv(factor).T
 
 
 def _cross(v: Array) -> Array:

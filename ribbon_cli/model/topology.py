@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -126,8 +127,8 @@ def writhe(u: Array, h: float) -> float:
             curve meets itself and Wr is not defined.
     """
     tangents, vertices = _polygon(u, h)
-    for direction in _directions():
-        value = _writhe_along(tangents, vertices, h, direction)
+    for direction, plane in _views():
+        value = _writhe_along(tangents, vertices, h, direction, plane)
         if value is not None:
             return value
     raise ValueError("the writhe is not defined: the midline meets itself or folds back upon itself")
@@ -155,42 +156,40 @@ def writhe_reference(u: Array, h: float) -> float:
 def _solid_angle(a: Array, b: Array, c: Array) -> Array:
     """Signed solid angles (M,) of the triangles with corners a, b, c (M, 3), seen from the origin."""
     na, nb, nc = (np.linalg.norm(v, axis=1) for v in (a, b, c))
-    volume = _dot(a, np.cross(b, c))
+    volume = _dot(a, _cross(b, c))
     result: Array = 2 * np.arctan2(volume, na * nb * nc + _dot(a, b) * nc + _dot(b, c) * na + _dot(c, a) * nb)
     return result
 
 
-def _writhe_along(u: Array, p: Array, h: float, z: Array) -> float | None:
-    """Lk_z - Tw_z for one direction z (3,), or None where the projection along z is not generic."""
+def _writhe_along(u: Array, p: Array, h: float, z: Array, basis: Array) -> float | None:
+    """Lk_z - Tw_z for one of `_views`, or None where the projection along z is not generic."""
     across = z - (u @ z)[:, None] * u
-    size = np.linalg.norm(across, axis=1)
+    size = _length(across)
     if size.min() < POLE_TOLERANCE:
         return None
     angles = _frame_angles(u, across / size[:, None], 1)
     if np.abs(angles).max() > math.pi - HALF_TURN_TOLERANCE:
         return None
-    crossings = _signed_crossings(u, p, h, z)
+    crossings = _signed_crossings(u, p, h, z, basis)
     return None if crossings is None else crossings - float(np.sum(angles)) / math.tau
 
 
-def _signed_crossings(u: Array, p: Array, h: float, z: Array) -> int | None:
+def _signed_crossings(u: Array, p: Array, h: float, z: Array, basis: Array) -> int | None:
     """Sum of the signs of the self-crossings seen along z, or None where one is not clear.
 
     Segments p1 + s a and p2 + t b cross if the ends of each lie on different sides of the other.
     """
-    basis = np.linalg.svd(z[None, :])[2][1:].T
-    basis[:, 1] *= np.sign(np.linalg.det(np.column_stack((basis, z))))
     q, e = p @ basis, h * (u @ basis)
     i, j = _near_pairs(q, e)
     a, b, r = e[i], e[j], q[j] - q[i]
     # Sides of b's ends seen from a, and of a's ends seen from b, in units of length.
-    la, lb = np.linalg.norm(a, axis=1), np.linalg.norm(b, axis=1)
+    la, lb = _length(a), _length(b)
     b_start, b_stop = _cross2(a, r) / la, _cross2(a, r + b) / la
     a_start, a_stop = _cross2(b, -r) / lb, _cross2(b, a - r) / lb
     tolerance = CROSSING_TOLERANCE * h
     apart = _same_side(b_start, b_stop, tolerance) | _same_side(a_start, a_stop, tolerance)
     # Edges in one line, one after the other, are apart as well: their middles tell.
-    apart |= np.linalg.norm(r + (b - a) / 2, axis=1) > (la + lb) / 2 + tolerance
+    apart |= _length(r + (b - a) / 2) > (la + lb) / 2 + tolerance
     meet = ~apart
     sides = np.stack((b_start, b_stop, a_start, a_stop))[:, meet]
     if np.any(np.abs(sides) <= tolerance):
@@ -208,7 +207,7 @@ def _near_pairs(q: Array, e: Array) -> tuple[IntArray, IntArray]:
     from scipy.spatial import cKDTree  # here, because loading it takes longer than most commands
 
     # Two segments that meet have their middles no farther apart than half the sum of their lengths.
-    reach = float(np.linalg.norm(e, axis=1).max()) * (1 + CROSSING_TOLERANCE)
+    reach = float(_length(e).max()) * (1 + CROSSING_TOLERANCE)
     pairs: IntArray = cKDTree(q + e / 2).query_pairs(reach, output_type="ndarray")
     step = np.abs(pairs[:, 1] - pairs[:, 0])
     pairs = pairs[(step > 1) & (step < len(q) - 1)]
@@ -235,7 +234,7 @@ def _frame_angles(u: Array, b: Array, sigma: int) -> Array:
             f"the facets at node {node} are folded back flat upon each other: no twist is defined"
         )
     carried = b_before - (_dot(u, b_before) / fold)[:, None] * (u_before + u)
-    angles: Array = np.arctan2(_dot(u, np.cross(carried, b)), _dot(carried, b))
+    angles: Array = np.arctan2(_dot(u, _cross(carried, b)), _dot(carried, b))
     return angles
 
 
@@ -265,7 +264,7 @@ def _checked(vectors: Array) -> Array:
 
 
 def _normalised(vectors: Array, what: str) -> Array:
-    size = np.linalg.norm(vectors, axis=1)
+    size = _length(vectors)
     if size.min() == 0:
         raise ValueError(f"the {what} at node {int(size.argmin()) + 1} is zero: no frame is defined there")
     result: Array = vectors / size[:, None]
@@ -277,17 +276,38 @@ def _across(v: Array, u: Array) -> Array:
     return v - _dot(v, u)[:, None] * u
 
 
-def _directions() -> Array:
-    """Fixed directions (DIRECTION_COUNT, 3), spread over the half-sphere in golden-angle steps."""
+@lru_cache(maxsize=1)
+def _views() -> tuple[tuple[Array, Array], ...]:
+    """Fixed directions z (3,) in golden-angle steps over the half-sphere, and planes (3,2) across them.
+
+    The columns x, y of a plane and z are right-handed; x is across the axis that z is farthest from.
+    """
     k = np.arange(DIRECTION_COUNT)
     azimuth = math.pi * (3 - math.sqrt(5)) * k + math.sqrt(2)
     height = 1 - (k + math.exp(-1)) / DIRECTION_COUNT
     radius = np.sqrt(1 - height**2)
-    return np.column_stack((radius * np.cos(azimuth), radius * np.sin(azimuth), height))
+    z = np.column_stack((radius * np.cos(azimuth), radius * np.sin(azimuth), height))
+    x = _normalised(_cross(np.eye(3)[np.abs(z).argmin(axis=1)], z), "axis")
+    return tuple(zip(z, np.stack((x, _cross(z, x)), axis=2), strict=True))
 
 
 def _dot(a: Array, b: Array) -> Array:
     result: Array = np.einsum("ij,ij->i", a, b)
+    return result
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """Vector products, row by row; numpy's own takes several times as long on a few hundred rows."""
+    (a0, a1, a2), (b0, b1, b2) = a.T, b.T
+    out = np.empty_like(a)
+    out[:, 0] = a1 * b2 - a2 * b1
+    out[:, 1] = a2 * b0 - a0 * b2
+    out[:, 2] = a0 * b1 - a1 * b0
+    return out
+
+
+def _length(v: Array) -> Array:
+    result: Array = np.sqrt(np.einsum("ij,ij->i", v, v))
     return result
 
 

@@ -44,11 +44,12 @@ def _pivot(blocks: Array) -> tuple[Array, Array, int, float]:
     Blocks are equilibrated first: after some eliminations stiffnesses and compliances in one block are
     many orders apart, which says nothing about signs.
     """
+    entries = np.abs(blocks)
     scale = np.ones(blocks.shape[:-1])
     for _ in range(3):
-        scaled = np.abs(blocks) * scale[..., :, None] * scale[..., None, :]
-        largest = scaled.max(axis=-1)
-        scale = scale / np.sqrt(np.where(largest > 0, largest, 1.0))
+        largest = scale * (entries * scale[..., None, :]).max(axis=-1)
+        largest[largest == 0.0] = 1.0
+        scale = scale / np.sqrt(largest)
     values, vectors = np.linalg.eigh(blocks * scale[..., :, None] * scale[..., None, :])
     size = np.abs(values)
     gap = float((size.min(axis=-1) / size.max(axis=-1)).min())
@@ -107,7 +108,9 @@ class BlockReduction:
             border[right] -= scaled_right @ t_border
             corner -= ((into_border * inverse[:, None, :]) @ t_border).sum(axis=0)
             coupling[left] = -scaled_left @ t_right
-            kept = np.setdiff1d(np.arange(n), gone, assume_unique=True)
+            stays = np.ones(n, dtype=bool)
+            stays[gone] = False
+            kept = np.flatnonzero(stays)
             self._levels.append(
                 _Level(gone, left, right, kept, vectors, inverse, into_left, into_right, into_border)
             )

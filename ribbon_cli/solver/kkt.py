@@ -38,13 +38,14 @@ class Pattern:
     """The upper triangle's pattern and the way to the whole symmetric matrix; one for each N.
 
     `diagonal` are the places of the diagonal in the upper triangle's data, which becomes the whole matrix's
-    by data[whole_source]. `idle` factorisations share this pattern's symbolic one.
+    by data[whole_source]; the matrices are empty ones to fill. `idle` factorisations share this pattern's
+    symbolic one.
     """
 
     upper: Scatter
     diagonal: NDArray[np.int64]
-    whole_indptr: NDArray[np.int32]
-    whole_indices: NDArray[np.int32]
+    upper_matrix: sparse.csc_matrix
+    whole_matrix: sparse.csr_matrix
     whole_source: NDArray[np.int64]
     idle: list[qdldl.Solver] = field(default_factory=list)
 
@@ -81,7 +82,18 @@ def _pattern(segments: int, open_seam: bool, rotations: int) -> Pattern:
     )
     order = np.lexsort((column, row))
     indptr = np.searchsorted(row[order], np.arange(total + 1))
-    return Pattern(upper, diagonal, indptr.astype(np.int32), column[order].astype(np.int32), place[order])
+    whole = sparse.csr_matrix(
+        (np.zeros(order.size), column[order].astype(np.int32), indptr.astype(np.int32)), shape=upper.shape
+    )
+    empty = sparse.csc_matrix((np.zeros(upper.indices.size), upper.indices, upper.indptr), shape=upper.shape)
+    return Pattern(upper, diagonal, empty, whole, place[order])
+
+
+def _filled(like: sparse.spmatrix, data: Array) -> sparse.spmatrix:
+    """A matrix of the same pattern, unchecked: scipy's constructors take longer than a product at N = 100."""
+    out = copy(like)
+    out.data = data
+    return out
 
 
 @lru_cache(maxsize=16)
@@ -155,12 +167,8 @@ class KKTMatrix:
 
     def _fill(self, data: Array) -> None:
         """Take the upper triangle's data, in CSC order."""
-        pattern = self.pattern
-        shape = pattern.upper.shape
-        self.upper = sparse.csc_matrix((data, pattern.upper.indices, pattern.upper.indptr), shape=shape)
-        self._whole = sparse.csr_matrix(
-            (data[pattern.whole_source], pattern.whole_indices, pattern.whole_indptr), shape=shape
-        )
+        self.upper = _filled(self.pattern.upper_matrix, data)
+        self.whole = _filled(self.pattern.whole_matrix, data[self.pattern.whole_source])
 
     @cached_property
     def node_blocks(self) -> NodeBlocks:
@@ -185,7 +193,7 @@ class KKTMatrix:
 
     def product(self, v: Array) -> Array:
         """Scaled K v, for v (n+m+r,) or (n+m+r, k)."""
-        out: Array = self._whole @ v
+        out: Array = self.whole @ v
         return out
 
     def regularised(self, shift: float, delta: float) -> sparse.csc_matrix:
@@ -194,42 +202,52 @@ class KKTMatrix:
         diagonal = self.pattern.diagonal
         data[diagonal[: self.size]] -= shift * self.metric
         data[diagonal[self.size :]] -= delta
-        return sparse.csc_matrix((data, self.upper.indices, self.upper.indptr), shape=self.upper.shape)
+        return _filled(self.upper, data)
 
 
-def _positions(matrix: KKTMatrix) -> NDArray[np.int64]:
+def _positions(size: int, total: int) -> NDArray[np.int64]:
     """Place of every row of K in the order node by node, border last."""
-    n = matrix.size // 7
+    n = size // 7
     node = np.arange(n)[:, None]
     return np.concatenate(
         (
             (BLOCK * node + np.arange(7)).ravel(),
             (BLOCK * node + 7 + np.arange(PER_NODE)).ravel(),
-            np.arange(BLOCK * n, matrix.size + matrix.border),
+            np.arange(BLOCK * n, total),
         )
     )
 
 
+@lru_cache(maxsize=4)
+def _block_places(pattern: Pattern, size: int) -> tuple[NDArray[np.int64], ...]:
+    """Where the whole matrix's data goes in the arrays of `NodeBlocks`: sources and flat places of each."""
+    n = size // 7
+    total = pattern.upper.shape[0]
+    position = _positions(size, total)
+    rows = np.repeat(position, np.diff(pattern.whole_matrix.indptr))
+    columns = position[pattern.whole_matrix.indices]
+    tail, width = BLOCK * n, total - BLOCK * n
+    owner, other = rows // BLOCK, columns // BLOCK
+    within = BLOCK * (BLOCK * owner + rows % BLOCK) + columns % BLOCK
+    inside = (rows < tail) & (columns < tail)
+    here = np.flatnonzero(inside & (owner == other))
+    ahead = np.flatnonzero(inside & (other == (owner + 1) % n))
+    edge = np.flatnonzero((rows < tail) & (columns >= tail))
+    return here, within[here], ahead, within[ahead], edge, rows[edge] * width + columns[edge] - tail
+
+
 def _node_blocks(matrix: KKTMatrix) -> NodeBlocks:
-    position = _positions(matrix)
-    n = matrix.size // 7
-    tail, total = BLOCK * n, matrix.size + matrix.border
-    upper = matrix.upper.tocoo()
-    row, column, value = position[upper.row], position[upper.col], upper.data
-    off = row != column
-    row, column = np.concatenate((row, column[off])), np.concatenate((column, row[off]))
-    value = np.concatenate((value, value[off]))
-    inside = (row < tail) & (column < tail)
-    edge = (row < tail) & (column >= tail)
-    width = total - tail
-    border = np.zeros((n, BLOCK, width))
-    border[row[edge] // BLOCK, row[edge] % BLOCK, column[edge] - tail] = value[edge]
-    row, column, value = row[inside], column[inside], value[inside]
-    owner, other = row // BLOCK, column // BLOCK
-    diagonal, coupling = np.zeros((n, BLOCK, BLOCK)), np.zeros((n, BLOCK, BLOCK))
-    here = owner == other
-    diagonal[owner[here], row[here] % BLOCK, column[here] % BLOCK] = value[here]
-    forward = ~here & (other == (owner + 1) % n)
-    coupling[owner[forward], row[forward] % BLOCK, column[forward] % BLOCK] = value[forward]
+    here, at, ahead, beside, edge, beyond = _block_places(matrix.pattern, matrix.size)
+    data = matrix.whole.data
+    n, total = matrix.size // 7, matrix.size + matrix.border
+    width = total - BLOCK * n
+    diagonal, coupling, border = (np.zeros(n * BLOCK * k) for k in (BLOCK, BLOCK, width))
+    diagonal[at], coupling[beside], border[beyond] = data[here], data[ahead], data[edge]
     held: NDArray[np.bool_] = np.any(matrix.fixed.reshape(n, 7), axis=1)
-    return NodeBlocks(position, diagonal, coupling, border, held)
+    return NodeBlocks(
+        _positions(matrix.size, total),
+        diagonal.reshape(n, BLOCK, BLOCK),
+        coupling.reshape(n, BLOCK, BLOCK),
+        border.reshape(n, BLOCK, width),
+        held,
+    )

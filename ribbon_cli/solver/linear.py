@@ -25,13 +25,16 @@ far below the scaled eigenvalues of the projected Hessian. Without pivoting a fa
 one of them: refinement then fails to contract, and the next is tried. Roundoff grows with N, and beyond
 `DELTA_GRID` segments the regularisation with it."""
 REFINEMENTS = 6
-RESIDUAL_GOAL = 1e-11
 RESIDUAL_LIMIT = 1e-7
-"""Relative residual of a solution that is accepted: it bounds how far one Newton step can converge."""
-LANCZOS_LIMIT = 2e-9
+"""Relative residual of a solution that is accepted; refinement goes on to a thousandth of it if it can."""
+BACKWARD_RESIDUAL = 1e-8
 BACKWARD_LIMIT = 1e-10
 BACKWARD_GOAL = 1e-12
 BLOCK_REFINEMENTS = 2
+PROOFS = 4
+PROBES = 6
+CONTRACTION = 0.5
+"""Regularisations tried for a proof, power iterations each, and how fast these must fall."""
 
 
 class FactorisationError(ArithmeticError):
@@ -53,40 +56,85 @@ class Factor:
         if not np.isfinite(matrix.upper.data).all():
             raise FactorisationError("the KKT matrix is not finite")
         self._shift_diagonal = shift * matrix.metric
-        self._tried = 0
+        self._base = DELTA * max(1.0, matrix.size / (7 * DELTA_GRID))
         self._blocks: BlockReduction | None = None
         idle = matrix.pattern.idle
         self._solver: qdldl.Solver | None = idle.pop() if idle else None
-        self._factor()
+        self._factor(self._base)
+        self._untried = [self._base * f for f in DELTA_FACTORS[1:]]
         if self._solver is not None:
             # Its symbolic part, four fifths of the work, serves the next matrix of this pattern.
             weakref.finalize(self, idle.append, self._solver).atexit = False
 
-    @property
-    def _delta(self) -> float:
-        grid = max(1.0, self.matrix.size / (7 * DELTA_GRID))
-        return DELTA * grid * DELTA_FACTORS[self._tried]
-
-    def _factor(self) -> None:
-        """LDL^T with the regularisation of this try; no pivots are kept if it meets a zero one."""
-        upper = self.matrix.regularised(self.shift, self._delta)
+    def _factor(self, delta: float) -> None:
+        """LDL^T with one regularisation; no pivots are kept if it meets a zero one."""
+        self._delta = delta
+        self._pivots: Array | None = None
+        upper = self.matrix.regularised(self.shift, delta)
         try:
             if self._solver is None:
                 self._solver = qdldl.Solver(upper, upper=True)
             else:
                 self._solver.update(upper, upper=True)
         except RuntimeError:
-            self._pivots = None
             return
         pivots = np.asarray(self._solver.factors()[1])
-        self._pivots = pivots if pivots.all() else None
+        if pivots.all():
+            self._pivots = pivots
 
     @property
     def surplus(self) -> int:
         """Negative pivots beyond those of the multiplier block."""
-        if self._pivots is None or self._solver is None:
+        if self._pivots is None:
             return self._reduced().inertia.negative
         return int((self._pivots < 0).sum()) - int(self.matrix.border)
+
+    def proves_minimum(self) -> bool:
+        """Whether the pivots prove that the projected Hessian has no eigenvalue below `shift`.
+
+        With delta > 0 on the multipliers the surplus of negative eigenvalues is that of W + A^T A / delta,
+        at least that of W_c, which is its restriction to A v = 0: none there, none here. That roundoff E did
+        not change the pivots' signs follows from rho((L D L^T)^-1 E) < 1, since no eigenvalue then passes
+        zero on the way from L D L^T to K - delta. Power iterations show how small rho is.
+        """
+        low, high = 0.0, np.inf
+        for _ in range(PROOFS):
+            if self._pivots is None:
+                return False
+            sharp = self._contraction() < CONTRACTION
+            if sharp and self.surplus == 0:
+                return True
+            # More regularisation has less roundoff, less of it fewer negative eigenvalues.
+            if sharp:
+                high = self._delta
+            elif self.surplus == 0:
+                low = self._delta
+            else:
+                return False
+            self._factor(
+                10.0 * low if high == np.inf else 0.1 * high if low == 0.0 else float(np.sqrt(low * high))
+            )
+        return False
+
+    def _contraction(self) -> float:
+        """Spectral radius of (L D L^T)^-1 E, E what L D L^T lacks of the matrix, by power iterations."""
+        size = self.matrix.size
+        v = np.cos(1.0 + np.arange(size + self.matrix.border, dtype=np.float64) ** 1.5)
+        rate, length = np.inf, float(np.linalg.norm(v))
+        for _ in range(PROBES):
+            image = self._product(v)
+            image[size:] -= self._delta * v[size:]
+            v = self._inverse(image) - v
+            before, length = length, float(np.linalg.norm(v))
+            rate = length / before
+            if length == 0.0:
+                break
+        return rate
+
+    def _inverse(self, v: Array) -> Array:
+        """Apply (L D L^T)^-1."""
+        assert self._solver is not None
+        return np.asarray(self._solver.solve(v))
 
     def _product(self, v: Array) -> Array:
         out = self.matrix.product(v)
@@ -94,38 +142,48 @@ class Factor:
             out[: self.matrix.size] -= self._shift_diagonal * v[: self.matrix.size]
         return out
 
-    def solve(self, rhs: Array, *, backward: bool = False) -> Array:
-        """Solve (K - shift M) z = rhs in unscaled variables, all (n+m+r,).
+    def solve(self, rhs: Array, *, limit: float = RESIDUAL_LIMIT) -> Array:
+        """Solve (K - shift M) z = rhs in unscaled variables, all (n+m+r,), to a relative residual `limit`.
 
-        `backward` accepts a small backward error, which is what Lanczos near a singular shift needs and
-        all it can have: there, what is left of errors lies along the eigenvectors that are looked for.
-        Raises FactorisationError if no method solves it to roundoff.
+        Raises FactorisationError if no method solves it to that, or to roundoff.
         """
         scale = self.matrix.scale
-        return scale * self._solve_scaled(scale * rhs, backward)
+        return scale * self._solve_scaled(scale * rhs, False, limit)
 
-    def _solve_scaled(self, rhs: Array, backward: bool) -> Array:
+    def solve_backward(self, rhs: Array) -> Array:
+        """Solve where a small backward error will do, in place of a residual.
+
+        That is what Lanczos near a singular shift needs and all it can have: there, what is left of errors
+        lies along the eigenvectors that are looked for. Raises as `solve`.
+        """
+        scale = self.matrix.scale
+        return scale * self._solve_scaled(scale * rhs, True, BACKWARD_RESIDUAL)
+
+    def solve_roughly(self, rhs: Array) -> Array:
+        """Solve with regularised factors as they are, without refinement; they must have no zero pivot."""
+        scale = self.matrix.scale
+        return scale * self._inverse(scale * rhs)
+
+    def _solve_scaled(self, rhs: Array, backward: bool, limit: float) -> Array:
         size = float(np.abs(rhs).max())
         if size == 0.0:
             return np.zeros_like(rhs)
-        limit = LANCZOS_LIMIT if backward else RESIDUAL_LIMIT
         while self._blocks is None:
-            solution, error = self._refined(rhs, size)
+            solution, error = self._refined(rhs, size, backward, 1e-3 * limit)
             if error <= limit:
                 return solution
             if backward and error * size <= BACKWARD_GOAL * float(np.abs(solution).max()):
                 return solution
-            if self._tried + 1 == len(DELTA_FACTORS):
+            if not self._untried:
                 break
-            self._tried += 1
-            self._factor()
+            self._factor(self._untried.pop(0))
         return self._solve_by_blocks(rhs, size)
 
-    def _refined(self, rhs: Array, size: float) -> tuple[Array, float]:
+    def _refined(self, rhs: Array, size: float, backward: bool, goal: float) -> tuple[Array, float]:
         """The best of a few refinements and its residual relative to the right-hand side."""
-        if self._pivots is None or self._solver is None:
+        if self._pivots is None:
             return rhs, np.inf
-        solution = np.asarray(self._solver.solve(rhs))
+        solution = self._inverse(rhs)
         best, best_error = solution, np.inf
         for _ in range(REFINEMENTS):
             residual = rhs - self._product(solution)
@@ -133,9 +191,11 @@ class Factor:
             if not error < 0.5 * best_error:
                 return (solution, error) if error < best_error else (best, best_error)
             best, best_error = solution, error
-            if error <= RESIDUAL_GOAL:
+            if error <= goal:
                 break
-            solution = solution + np.asarray(self._solver.solve(residual))
+            if backward and error * size <= BACKWARD_GOAL * float(np.abs(solution).max()):
+                break
+            solution = solution + self._inverse(residual)
         return best, best_error
 
     def _reduced(self) -> BlockReduction:

@@ -16,8 +16,8 @@ from ..model.band import Array, State
 from ..model.problem import LocalDerivatives, Problem
 from .inertia import inertia
 from .kkt import KKTMatrix
-from .linear import Factor, FactorisationError
-from .saddle_free import Direction, direction, lagrangian_gradient
+from .linear import RESIDUAL_LIMIT, Factor, FactorisationError
+from .saddle_free import Direction, direction, lagrangian_gradient, newton_step
 from .status import Result, SaddleMet, Status
 
 Guard = Callable[[State], str | None]
@@ -45,7 +45,7 @@ class Options:
 
 
 SHORTEST = 2.0**-14
-GUARD_FROM = 1e-3
+GUARD_FROM = 5e-2
 """Change since the guard's last check from which the next point is checked too; the end always is."""
 ARMIJO = 1e-4
 MOST_CORRECTIONS = 4
@@ -101,9 +101,12 @@ def inverted_facets(problem: Problem, x: Array) -> Array:
 def change(problem: Problem, x: Array, step: Array) -> float:
     """Size of a step: the largest change of a tangent, of a ruling over its length, or of xi/4."""
     s, y = step.reshape(-1, 7), x.reshape(-1, 7)
-    rulings = np.linalg.norm(s[:, 3:6], axis=1) / np.linalg.norm(y[:, 3:6], axis=1)
-    tangents = np.linalg.norm(s[:, :3], axis=1)
-    return float(max(tangents.max(), rulings.max(), 0.25 * np.abs(s[:, 6]).max()))
+    squares, lengths = s * s, y[:, 3:6] * y[:, 3:6]
+    tangents = squares[:, 0] + squares[:, 1] + squares[:, 2]
+    rulings = (squares[:, 3] + squares[:, 4] + squares[:, 5]) / (
+        lengths[:, 0] + lengths[:, 1] + lengths[:, 2]
+    )
+    return float(np.sqrt(max(tangents.max(), rulings.max(), 0.0625 * squares[:, 6].max())))
 
 
 class _Search:
@@ -158,6 +161,7 @@ class _Solve:
         self.surplus_seen = 0
         self.trouble = (Status.STALLED, "")
         self.unguarded = 0.0
+        self.lowest = 0.0
         self.last: _Point
 
     def run(self, x: Array, multipliers: Array | None) -> Result:
@@ -205,15 +209,26 @@ class _Solve:
     def _step(self, point: _Point, matrix: KKTMatrix) -> _Point | None:
         """One accepted step towards a stationary point, or None."""
         factor = Factor(matrix)
-        found = direction(self.problem, point.local, point.multipliers, factor)
-        self.surplus_seen = max(self.surplus_seen, found.index)
-        return self._meet_saddle(point, found) or self._advance(point, factor, found)
+        # An inexact Newton step, as accurate as quadratic convergence or the goal needs it.
+        limit = max(RESIDUAL_LIMIT, 1e-3 * min(point.worst, 1.0), 0.1 * self.options.goal / point.worst)
+        plain = newton_step(self.problem, point.local, point.multipliers, factor, limit)
+        following = self._meet_saddle(point, factor, plain)
+        if following is None:
+            found = direction(
+                self.problem, point.local, point.multipliers, factor, plain=plain, lowest=self.lowest
+            )
+            self.lowest = float(found.negative[0]) if found.index else 0.0
+            self.surplus_seen = max(self.surplus_seen, found.index)
+            following = self._advance(point, factor, found)
+        return following
 
     def _judge(self, point: _Point, matrix: KKTMatrix) -> tuple[Result | None, _Point | None]:
         """What a stationary point is: a result, or the point to go on from if it is a saddle to leave."""
         complaint = self._complaint(point)
         if complaint:
             return self._result(Status.LEFT_TOPOLOGY, point, detail=complaint), None
+        if Factor(matrix).proves_minimum():
+            return self._result(Status.MINIMUM, point, negative=0), None
         count = inertia(matrix)
         if not count.trusted:
             return self._result(Status.UNDECIDED, point, detail=f"(Pivot gap {count.gap:.1e}.)"), None
@@ -227,16 +242,17 @@ class _Solve:
         self._record_saddle(point, found)
         return None, self._leave(point, factor, found)
 
-    def _meet_saddle(self, point: _Point, found: Direction) -> _Point | None:
+    def _meet_saddle(self, point: _Point, factor: Factor, plain: tuple[Array, Array]) -> _Point | None:
         """Close to a saddle, take the plain Newton step onto it, so that it is known and left on purpose.
 
         The saddle-free step moves away only as fast as the distance doubles. None if not that close.
         """
-        if found.index == 0 or point.worst > NEAR_SADDLE:
+        step, multipliers = plain
+        if point.worst > NEAR_SADDLE or factor.surplus == 0:
             return None
-        if change(self.problem, point.x, found.newton_step) > NEAR_STEP:
+        if change(self.problem, point.x, step) > NEAR_STEP:
             return None
-        trial = _point(self.problem, point.x + found.newton_step, found.newton_multipliers)
+        trial = _point(self.problem, point.x + step, multipliers)
         if not trial.worst < 0.1 * point.worst:
             return None
         return trial if self._allowed(point, trial) else None
@@ -250,7 +266,8 @@ class _Solve:
             self.trouble = (Status.NOT_FINITE, "")
             return None
         t = min(1.0, self.options.step_limit / max(size, 1e-300))
-        while t >= SHORTEST:
+        shortest = SHORTEST * t  # near a singular Hessian the limit alone may leave little of a long step
+        while t >= shortest:
             trial = self._trial(point, factor, found, t)
             if trial is not None:
                 return trial

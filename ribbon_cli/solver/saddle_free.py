@@ -15,20 +15,26 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import linalg
-from scipy.sparse import linalg as sparse_linalg
 
 from ..model.band import Array
 from ..model.constraints import PER_NODE
 from ..model.problem import CLOSURE, LocalDerivatives, Problem
 from .inertia import inertia
 from .kkt import KKTMatrix
-from .linear import Factor, FactorisationError
+from .linear import RESIDUAL_LIMIT, Factor, FactorisationError
 
 LANCZOS_LIMIT = 60
 """Above this number of negative eigenpairs, or a sixth of all, the dense method is the cheaper one."""
 DENSE_SEGMENTS = 400
-QUICK_LIMIT = 6
-LANCZOS_TOLERANCE = 1e-13
+QUICK_STEPS = 80
+"""Lanczos steps without a shift, ten more for each eigenpair, before a shift is looked for."""
+FIRST_SHIFT = -1e-2
+SHIFTED_STEPS = 240
+LANCZOS_TOLERANCE = 1e-11
+ROUGH_TOLERANCE = 1e-6
+"""Residual of an eigenpair of the inverse, relative to its eigenvalue, and where factors are not refined."""
+LANCZOS_CHECKS = 3
+"""Lanczos steps from one test of convergence to the next."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +42,7 @@ class Direction:
     """A step p (7N,), the multipliers to go with it (5N+3,), and what is known of W_c.
 
     `negative` eigenvalues (k,) ascending and `vectors` (7N, k) span the negative eigenspace. The plain
-    Newton step is kept beside it: near a saddle it shows how near.
+    Newton step is kept beside it.
     """
 
     step: Array
@@ -99,51 +105,97 @@ def _search_shift(any_below: Callable[[float], bool], count: int) -> float:
     return below
 
 
-def negative_eigenpairs(problem: Problem, factor: Factor, count: int) -> tuple[Array, Array, Array]:
+def _quick_shift(matrix: KKTMatrix, guess: float) -> Factor:
+    """A shift below all negative eigenvalues by regularised pivots, less than four times the lowest.
+
+    Raises FactorisationError if no such shift is found.
+    """
+    factor = Factor(matrix, shift=guess)
+    while factor.surplus > 0 and factor.shift > -1e12:
+        factor = Factor(matrix, shift=4.0 * factor.shift)
+    while factor.shift < -1e-14:
+        above = Factor(matrix, shift=0.25 * factor.shift)
+        if above.surplus > 0:
+            return factor
+        factor = above
+    raise FactorisationError("no shift below the negative eigenvalues was found")
+
+
+def negative_eigenpairs(
+    problem: Problem, factor: Factor, count: int, near: Array | None = None
+) -> tuple[Array, Array, Array]:
     """The `count` negative eigenpairs of the projected Hessian, Euclidean metric.
 
-    Returns values (k,) ascending, vectors (7N, k), and nu (5N+3, k) with W v = mu v + A^T nu, by
-    shift-invert Lanczos on the KKT operator restricted to x. A factor shifted by `shift_below` serves always;
-    one of K itself has the negative 1/mu at its lower end, which is enough where they are not hidden among
-    large eigenvalues, and is given up soon if they are.
-    Raises FactorisationError if it does not find as many as the inertia says.
+    Returns values (k,) ascending, vectors (7N, k), and nu (5N+3, k) with W v = mu v + A^T nu, by Lanczos on
+    the inverse KKT operator restricted to x, started near `near` (7N,) if there is something to go by.
+    A factor shifted by `shift_below` serves always; one of K itself has the negative 1/mu at its lower end,
+    which is enough where they are not hidden among large eigenvalues, and is given up soon if they are.
+    Raises FactorisationError if it does not find as many as it should.
     """
-    shifted = factor.shift < 0
-    ncv, restarts = (max(2 * count + 20, 30), 60) if shifted else (2 * count + 10, 3)
-    n, matrix = problem.size, factor.matrix
-    rhs = np.zeros(matrix.size + matrix.border)
+    n = problem.size
+    rhs = np.zeros(factor.matrix.size + factor.matrix.border)
 
-    def inverse(w: Array) -> Array:
+    def inverse(w: Array, solve: Callable[[Array], Array] = factor.solve_backward) -> Array:
         rhs[:n] = np.where(problem.fixed, 0.0, w)
-        out = factor.solve(rhs, backward=True)[:n]
-        out[problem.fixed] = 0.0
+        out = solve(rhs)
+        out[:n][problem.fixed] = 0.0
         return out
 
-    operator = sparse_linalg.LinearOperator((n, n), matvec=inverse, dtype=np.float64)
-    v0 = start_vector(n, problem.fixed)
-    try:
-        inverse_values, vectors = sparse_linalg.eigsh(
-            operator,
-            k=count,
-            which="LA" if shifted else "SA",
-            v0=v0,
-            tol=LANCZOS_TOLERANCE,
-            ncv=min(n - 1, ncv),
-            maxiter=restarts,
-        )
-    except sparse_linalg.ArpackError as error:
-        raise FactorisationError("Lanczos found too few negative eigenvalues") from error
-    values = factor.shift + 1.0 / inverse_values
+    start = start_vector(n, problem.fixed)
+    start = start / np.linalg.norm(start)
+    if near is not None and near.any():
+        start = start + near / np.linalg.norm(near)
+    # Largest of the shifted inverse, or smallest of the inverse itself: largest of its negative.
+    shifted = factor.shift < 0
+    sign, limit = (1.0, SHIFTED_STEPS) if shifted else (-1.0, QUICK_STEPS + 10 * count)
+    limit = min(limit, n - 1)
+    # Without refinement an application costs a fourth; what it finds is a start a few steps from the end.
+    found = _lanczos(
+        lambda w: sign * inverse(w, factor.solve_roughly)[:n], start, count, limit, ROUGH_TOLERANCE
+    )
+    if found is not None:
+        start = found[1].sum(axis=1)
+        found = _lanczos(lambda w: sign * inverse(w)[:n], start, count, limit, LANCZOS_TOLERANCE)
+    if found is None or not (found[0] > 0).all():
+        raise FactorisationError("Lanczos found too few negative eigenvalues")
+    values, vectors = factor.shift + sign / found[0], found[1]
     if not (values < 0).all():
         raise FactorisationError("Lanczos and the inertia disagree on the number of negative eigenvalues")
     nu = np.empty((problem.rows, count))
     for j in range(count):
         # (K - sigma M) [v; -nu] = (mu - sigma) [v; 0]
-        rhs[:n] = vectors[:, j]
-        z = factor.solve(rhs, backward=True)
-        nu[:, j] = -z[n : n + problem.rows] * (values[j] - factor.shift)
+        nu[:, j] = -inverse(vectors[:, j])[n : n + problem.rows] * (values[j] - factor.shift)
     order = np.argsort(values)
     return values[order], vectors[:, order], nu[:, order]
+
+
+def _lanczos(
+    operator: Callable[[Array], Array], start: Array, count: int, limit: int, tolerance: float
+) -> tuple[Array, Array] | None:
+    """The `count` largest eigenpairs of a symmetric operator, values (k,) and vectors (n, k).
+
+    Lanczos with full orthogonalisation, which stops as soon as they have converged; None if they have not
+    within `limit` steps, or if the Krylov space ends before.
+    """
+    basis = np.empty((limit + 1, start.size))
+    diagonal, beside = np.empty(limit), np.empty(limit)
+    first = operator(start)
+    basis[0] = first / np.linalg.norm(first)
+    for j in range(limit):
+        known = basis[: j + 1]
+        image = operator(basis[j])
+        diagonal[j] = basis[j] @ image
+        for _ in range(2):  # twice is enough
+            image = image - (known @ image) @ known
+        beside[j] = np.linalg.norm(image)
+        if j >= count and (j - count) % LANCZOS_CHECKS == LANCZOS_CHECKS - 1:
+            values, y = linalg.eigh_tridiagonal(
+                diagonal[: j + 1], beside[:j], select="i", select_range=(j + 1 - count, j), check_finite=False
+            )
+            if (beside[j] * np.abs(y[-1]) <= tolerance * np.abs(values)).all():
+                return values, known.T @ y
+        basis[j + 1] = image / beside[j]
+    return None
 
 
 def lagrangian_gradient(problem: Problem, local: LocalDerivatives, multipliers: Array) -> Array:
@@ -156,44 +208,76 @@ def lagrangian_gradient(problem: Problem, local: LocalDerivatives, multipliers: 
     return out
 
 
+def newton_step(
+    problem: Problem,
+    local: LocalDerivatives,
+    multipliers: Array,
+    factor: Factor,
+    limit: float = RESIDUAL_LIMIT,
+) -> tuple[Array, Array]:
+    """Newton's step (7N,) from a point, and its multipliers (5N+3,).
+
+    The system is solved for the change of multipliers: its right-hand side is then the KKT residual, and the
+    accuracy of the solution grows with that of the point. `limit` bounds its relative residual.
+    Raises FactorisationError if the system cannot be solved.
+    """
+    n = problem.size
+    gradient = lagrangian_gradient(problem, local, multipliers)
+    z = factor.solve(
+        np.concatenate((-gradient, -local.constraints, np.zeros(factor.matrix.gauge))), limit=limit
+    )
+    return z[:n], multipliers - z[n : n + problem.rows]
+
+
 def direction(
-    problem: Problem, local: LocalDerivatives, multipliers: Array, factor: Factor, index: int | None = None
+    problem: Problem,
+    local: LocalDerivatives,
+    multipliers: Array,
+    factor: Factor,
+    index: int | None = None,
+    plain: tuple[Array, Array] | None = None,
+    lowest: float = 0.0,
 ) -> Direction:
     """The saddle-free step from the derivatives at a point and their factorisation.
 
-    The system is solved for the change of multipliers (5N+3,): its right-hand side is then the KKT residual,
-    and the accuracy of the solution grows with that of the point. `index` is the number of negative
-    eigenvalues where it is known.
+    `index` is the number of negative eigenvalues, `plain` the Newton step, where they are known; `lowest` is
+    the lowest eigenvalue nearby, at the step before, if that was negative.
     Raises FactorisationError if the systems cannot be solved.
     """
-    n, m = problem.size, problem.rows
-    gradient = lagrangian_gradient(problem, local, multipliers)
-    z = factor.solve(np.concatenate((-gradient, -local.constraints, np.zeros(factor.matrix.gauge))))
-    step, new = z[:n], multipliers - z[n : n + m]
-    found = _negative_space(problem, local, factor, index)
+    step, new = plain or newton_step(problem, local, multipliers, factor)
+    found = _negative_space(problem, local, factor, index, step, min(2.0 * lowest, 0.0) or FIRST_SHIFT)
     if found is None:
-        return Direction(step, new, np.empty(0), np.empty((n, 0)), step, new)
+        return Direction(step, new, np.empty(0), np.empty((problem.size, 0)), step, new)
     values, vectors, nu = found
     along = vectors.T @ step
     return Direction(step - 2.0 * vectors @ along, new - 2.0 * nu @ along, values, vectors, step, new)
 
 
 def _negative_space(
-    problem: Problem, local: LocalDerivatives, factor: Factor, index: int | None
+    problem: Problem,
+    local: LocalDerivatives,
+    factor: Factor,
+    index: int | None,
+    near: Array,
+    guess: float,
 ) -> tuple[Array, Array, Array] | None:
     """The negative eigenpairs, None without any; `index` is their number where it is known.
 
-    Pivots regularised by delta > 0 count at least as many as there are: where Lanczos finds them all, the
-    count is right. Otherwise it can be off because the matrix is ill-conditioned, and the block reduction,
+    Pivots regularised by delta > 0 count at least as many as there are, and Lanczos finds at most as many:
+    where it finds them all, both are right. Otherwise the matrix is ill-conditioned, and the block reduction,
     which needs no regularisation, counts again.
     """
-    matrix = factor.matrix
+    matrix, few = factor.matrix, 2 * problem.band.segments // 6
     count = factor.surplus if index is None else index
     if count == 0:
         return None
-    if 0 < count <= QUICK_LIMIT:
+    if 0 < count <= min(LANCZOS_LIMIT, few):
         try:
-            return negative_eigenpairs(problem, factor, count)
+            return negative_eigenpairs(problem, factor, count, near)
+        except FactorisationError:
+            pass
+        try:
+            return negative_eigenpairs(problem, _quick_shift(matrix, guess), count, near)
         except FactorisationError:
             pass
     if index is None:
@@ -201,9 +285,9 @@ def _negative_space(
         count = confirmed.negative if confirmed.trusted else 0
     if count <= 0:
         return None
-    if count <= LANCZOS_LIMIT and 6 * count <= 2 * problem.band.segments:
+    if count <= min(LANCZOS_LIMIT, few):
         try:
-            return negative_eigenpairs(problem, shift_below(matrix, count), count)
+            return negative_eigenpairs(problem, shift_below(matrix, count), count, near)
         except FactorisationError:
             if problem.band.segments > DENSE_SEGMENTS:
                 raise

@@ -147,7 +147,7 @@ def lowest_spectrum(
 
     def inverse(w: Array) -> Array:
         rhs[:n] = np.where(problem.fixed, 0.0, w)
-        return factor.solve(rhs, backward=True)[:n]
+        return factor.solve_backward(rhs)[:n]
 
     operator = sparse_linalg.LinearOperator((n, n), matvec=inverse, dtype=np.float64)
     hessian = problem.hessian_matrix(local)
