@@ -81,11 +81,17 @@ def estimate_multipliers(problem: Problem, x: Array, local: LocalDerivatives | N
     """
     if local is None:
         local = problem.local_derivatives(x, np.zeros(problem.rows))
-    matrix = KKTMatrix(problem, local, np.zeros((problem.size, 0)))
-    # The scaled metric: identity on the scaled unknowns, which is diag(1/s^2) on x.
-    factor = Factor(matrix.with_unit_metric())
-    z = factor.solve(np.concatenate((-local.gradient, np.zeros(problem.rows))))
-    return -z[problem.size :]
+    return _estimate(problem, local, _normal_factor(problem, local))
+
+
+def _normal_factor(problem: Problem, local: LocalDerivatives) -> Factor:
+    """Factors of (I, A^T; A, 0) in the scaled metric: identity on scaled unknowns, diag(1/s^2) on x."""
+    return Factor(KKTMatrix(problem, local, np.zeros((problem.size, 0))).with_unit_metric())
+
+
+def _estimate(problem: Problem, local: LocalDerivatives, normal: Factor) -> Array:
+    """Least-squares multipliers (5N+3,) by the normal factors."""
+    return -normal.solve(np.concatenate((-local.gradient, np.zeros(problem.rows))))[problem.size :]
 
 
 def inverted_facets(problem: Problem, x: Array) -> Array:
@@ -115,7 +121,7 @@ class _Search:
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
         self.penalty = np.zeros(problem.rows)
-        self._normal: tuple[Factor, Factor] | None = None
+        self._normal: tuple[Array, Factor] | None = None
 
     def merit(self, energy: float, constraints: Array) -> float:
         return energy + float(self.penalty @ np.abs(constraints))
@@ -127,17 +133,21 @@ class _Search:
             self.penalty < 1.1 * size, 1.5 * size, np.maximum(self.penalty * 0.9, 1.1 * size)
         )
 
-    def correct(self, factor: Factor, x: Array) -> Array:
-        """Second-order correction: the least move that removes the constraint values at x.
+    def keep(self, x: Array, normal: Factor) -> None:
+        """Keep the normal factors of the point x."""
+        self._normal = (x, normal)
+
+    def correct(self, point: _Point, x: Array) -> Array:
+        """Second-order correction: the least move that removes the constraint values at x, near a point.
 
         It is least in the scaled metric, not in that of the Hessian: near-zero eigenvalues (sliding) would
         turn it into a long tangential step.
         """
         problem = self.problem
-        if self._normal is None or self._normal[0] is not factor:
-            self._normal = (factor, Factor(factor.matrix.with_unit_metric()))
-        rhs = np.zeros(factor.matrix.size + factor.matrix.border)
-        rhs[problem.size : problem.size + problem.rows] = -problem.weighted_constraints(x)
+        if self._normal is None or self._normal[0] is not point.x:
+            self.keep(point.x, _normal_factor(problem, point.local))
+        assert self._normal is not None
+        rhs = np.concatenate((np.zeros(problem.size), -problem.weighted_constraints(x)))
         return self._normal[1].solve(rhs)[: problem.size]
 
 
@@ -177,8 +187,9 @@ class _Solve:
             return self._result(Status.INVERTED_FACET, self.last, detail="It was so at the start.")
         try:
             if multipliers is None:
-                estimated = estimate_multipliers(self.problem, x, self.last.local)
-                self.last = _point(self.problem, x, estimated)
+                normal = _normal_factor(self.problem, self.last.local)
+                self.search.keep(x, normal)
+                self.last = _point(self.problem, x, _estimate(self.problem, self.last.local, normal))
             return self._iterate(self.last)
         except FactorisationError as error:
             return self._result(Status.STALLED, self.last, detail=f"({error}.)")
@@ -285,7 +296,7 @@ class _Solve:
         violation = np.inf
         for corrections in range(MOST_CORRECTIONS + 1):
             if corrections:
-                extra = self.search.correct(factor, x)
+                extra = self.search.correct(point, x)
                 if not change(self.problem, x, extra) <= self.options.step_limit:
                     return None
                 x = x + extra
@@ -357,7 +368,7 @@ class _Solve:
             for side in (1.0, -1.0):
                 x = point.x + (side * t * self.options.step_limit / size) * v
                 for _ in range(4):
-                    x = x + self.search.correct(factor, x)
+                    x = x + self.search.correct(point, x)
                 trial = _point(self.problem, x, point.multipliers)
                 if not np.isfinite(trial.worst) or not self._allowed(point, trial):
                     continue

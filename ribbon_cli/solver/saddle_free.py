@@ -30,9 +30,14 @@ QUICK_STEPS = 80
 """Lanczos steps without a shift, ten more for each eigenpair, before a shift is looked for."""
 FIRST_SHIFT = -1e-2
 SHIFTED_STEPS = 240
-LANCZOS_TOLERANCE = 1e-11
+LANCZOS_TOLERANCE = 1e-9
+SHIFTED_TOLERANCE = 1e-12
 ROUGH_TOLERANCE = 1e-6
-"""Residual of an eigenpair of the inverse, relative to its eigenvalue, and where factors are not refined."""
+"""Residual of an eigenpair of the inverse, relative to its eigenvalue; that with a shift; that where factors
+are not refined.
+
+Without a shift all other eigenvalues of the inverse have the other sign, and the residual bounds the error of
+the eigenvector. With one the nearest may be close."""
 LANCZOS_CHECKS = 3
 """Lanczos steps from one test of convergence to the next."""
 
@@ -148,14 +153,14 @@ def negative_eigenpairs(
     # Largest of the shifted inverse, or smallest of the inverse itself: largest of its negative.
     shifted = factor.shift < 0
     sign, limit = (1.0, SHIFTED_STEPS) if shifted else (-1.0, QUICK_STEPS + 10 * count)
-    limit = min(limit, n - 1)
+    limit, tolerance = min(limit, n - 1), SHIFTED_TOLERANCE if shifted else LANCZOS_TOLERANCE
     # Without refinement an application costs a fourth; what it finds is a start a few steps from the end.
     found = _lanczos(
         lambda w: sign * inverse(w, factor.solve_roughly)[:n], start, count, limit, ROUGH_TOLERANCE
     )
     if found is not None:
         start = found[1].sum(axis=1)
-        found = _lanczos(lambda w: sign * inverse(w)[:n], start, count, limit, LANCZOS_TOLERANCE)
+        found = _lanczos(lambda w: sign * inverse(w)[:n], start, count, limit, tolerance, every=1)
     if found is None or not (found[0] > 0).all():
         raise FactorisationError("Lanczos found too few negative eigenvalues")
     values, vectors = factor.shift + sign / found[0], found[1]
@@ -170,12 +175,17 @@ def negative_eigenpairs(
 
 
 def _lanczos(
-    operator: Callable[[Array], Array], start: Array, count: int, limit: int, tolerance: float
+    operator: Callable[[Array], Array],
+    start: Array,
+    count: int,
+    limit: int,
+    tolerance: float,
+    every: int = LANCZOS_CHECKS,
 ) -> tuple[Array, Array] | None:
     """The `count` largest eigenpairs of a symmetric operator, values (k,) and vectors (n, k).
 
-    Lanczos with full orthogonalisation, which stops as soon as they have converged; None if they have not
-    within `limit` steps, or if the Krylov space ends before.
+    Lanczos with full orthogonalisation, which looks `every` few steps whether they have converged; None if
+    they have not within `limit` steps, or if the Krylov space ends before.
     """
     basis = np.empty((limit + 1, start.size))
     diagonal, beside = np.empty(limit), np.empty(limit)
@@ -188,7 +198,7 @@ def _lanczos(
         for _ in range(2):  # twice is enough
             image = image - (known @ image) @ known
         beside[j] = np.linalg.norm(image)
-        if j >= count and (j - count) % LANCZOS_CHECKS == LANCZOS_CHECKS - 1:
+        if j >= count and (j - count) % every == every - 1:
             values, y = linalg.eigh_tridiagonal(
                 diagonal[: j + 1], beside[:j], select="i", select_range=(j + 1 - count, j), check_finite=False
             )

@@ -8,12 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
+
+import numpy as np
 
 from ..config import SpectrumRequest
 from ..model.band import State
 from ..model.problem import Problem
-from ..model.topology import linking_number
+from ..model.topology import Linking, linking_number
 from ..solver.newton import Options
 from ..solver.status import Result, SaddleMet, Status
 from ..store import Run, StateRecord
@@ -92,7 +95,7 @@ def options_for(half_twists: int, progress: Progress) -> Options:
 def _linking_guard(half_twists: int) -> Callable[[State], str | None]:
     def check(state: State) -> str | None:
         try:
-            found = linking_number(state.u, state.g, state.band.sigma, state.band.h).linking_number
+            found = _linking_of(state).linking_number
         except ValueError:
             return None  # sum u is not zero between iterates; the state that ends a stage is checked again
         if abs(found - 0.5 * half_twists) > 0.25:
@@ -102,13 +105,23 @@ def _linking_guard(half_twists: int) -> Callable[[State], str | None]:
     return check
 
 
+def _linking_of(state: State) -> Linking:
+    return _linking(state.u.tobytes(), state.g.tobytes(), state.band.sigma, state.band.h)
+
+
+@lru_cache(maxsize=1)
+def _linking(u: bytes, g: bytes, sigma: int, h: float) -> Linking:
+    """The linking number; the state that the guard saw last is the one that is checked next."""
+    return linking_number(np.frombuffer(u).reshape(-1, 3), np.frombuffer(g).reshape(-1, 3), sigma, h)
+
+
 def checked(problem: Problem, result: Result, half_twists: int) -> Result:
     """A converged result, or the same with its status changed if it is not the band asked for."""
     if result.status not in (Status.MINIMUM, Status.SADDLE, Status.UNDECIDED):
         return result
     state = result.state
     try:
-        found = linking_number(state.u, state.g, problem.band.sigma, problem.band.h)
+        found = _linking_of(state)
     except ValueError as error:
         return replace(result, status=Status.LEFT_TOPOLOGY, detail=f"(No linking number: {error}.)")
     if not found.exact or abs(found.linking_number - 0.5 * half_twists) > 1e-6:
