@@ -169,22 +169,26 @@ class Problem:
         out: Array = self.constraints(x) * self.weights
         return out
 
-    def local_derivatives(self, x: Array, multipliers: Array) -> LocalDerivatives:
-        """All derivatives at x for multipliers (5N+3,), node by node."""
+    def local_derivatives(self, x: Array, multipliers: Array | None) -> LocalDerivatives:
+        """All derivatives at x for multipliers (5N+3,), node by node; without, the Hessian is left zero."""
         band = self.band
         local = self._local(x)
-        terms, gradient, hessian = energy_derivatives(band, local)
-        assert hessian is not None
+        terms, gradient, hessian = energy_derivatives(band, local, with_hessian=multipliers is not None)
+        if hessian is None:
+            hessian = np.zeros((SIZE, SIZE, band.segments))
         jacobian = constraint_jacobian(band, local)
         weights = row_weights(band)[:, None]
-        curvature = -weights * multipliers[:-CLOSURE].reshape(-1, PER_NODE).T
+        curvature = np.zeros((PER_NODE, band.segments))
+        if multipliers is not None:
+            curvature -= weights * multipliers[:-CLOSURE].reshape(-1, PER_NODE).T
         for node in self.prescription.rulings:
             self._replace_unit_length_row(node, local, jacobian, hessian, curvature)
         if self.prescription.seam is not None:
             jacobian[2, :, 0] = 0.0
             jacobian[2, U0, 0] = self._end
             curvature[2, 0] = 0.0
-        add_constraint_hessian(band, local, curvature, hessian)
+        if multipliers is not None:
+            add_constraint_hessian(band, local, curvature, hessian)
         jacobian *= weights[:, None]
         seam = self.stencil
         for values in (gradient, jacobian, hessian, hessian.transpose(1, 0, 2)):

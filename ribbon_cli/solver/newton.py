@@ -45,8 +45,11 @@ class Options:
 
 
 SHORTEST = 2.0**-14
-GUARD_FROM = 5e-2
-"""Change since the guard's last check from which the next point is checked too; the end always is."""
+GUARD_FROM = 0.5
+GUARD_STRICTLY = 5e-2
+"""Change since the guard was last asked from which it is asked again; the end always is.
+
+It is asked rarely first, and strictly in a second attempt where it found something to say."""
 ARMIJO = 1e-4
 MOST_CORRECTIONS = 4
 NEAR_SADDLE = 1e-3
@@ -66,21 +69,22 @@ class _Point:
         return max(self.kkt, self.constraint)
 
 
-def _point(problem: Problem, x: Array, multipliers: Array) -> _Point:
+def _point(problem: Problem, x: Array, multipliers: Array | None) -> _Point:
+    """A point; where no multipliers are known they are zero, and its Hessian is left out."""
     local = problem.local_derivatives(x, multipliers)
+    if multipliers is None:
+        multipliers = np.zeros(problem.rows)
     kkt = float(np.abs(lagrangian_gradient(problem, local, multipliers)).max())
     constraint = float(np.abs(local.constraints / problem.weights).max())
     return _Point(x, multipliers, local, kkt, constraint)
 
 
-def estimate_multipliers(problem: Problem, x: Array, local: LocalDerivatives | None = None) -> Array:
+def estimate_multipliers(problem: Problem, x: Array) -> Array:
     """Least-squares multipliers (5N+3,) at x: they minimise |grad f - A^T lambda| in the scaled metric.
 
-    `local` are the derivatives at x, for any multipliers, if they are known.
     Raises FactorisationError if the constraints are linearly dependent at x.
     """
-    if local is None:
-        local = problem.local_derivatives(x, np.zeros(problem.rows))
+    local = problem.local_derivatives(x, None)
     return _estimate(problem, local, _normal_factor(problem, local))
 
 
@@ -158,13 +162,18 @@ def solve(
 
     Multipliers (5N+3,), those of (1.58), are estimated by least squares if absent.
     """
-    return _Solve(problem, options or Options()).run(problem.impose(x), multipliers)
+    options, x = options or Options(), problem.impose(x)
+    result = _Solve(problem, options, GUARD_FROM).run(x, multipliers)
+    if result.status is Status.LEFT_TOPOLOGY:
+        result = _Solve(problem, options, GUARD_STRICTLY).run(x, multipliers)
+    return result
 
 
 class _Solve:
-    def __init__(self, problem: Problem, options: Options) -> None:
+    def __init__(self, problem: Problem, options: Options, guard_from: float) -> None:
         self.problem = problem
         self.options = options
+        self.guard_from = guard_from
         self.search = _Search(problem)
         self.steps = 0
         self.saddles: list[SaddleMet] = []
@@ -179,8 +188,7 @@ class _Solve:
             return self._run(x, multipliers)
 
     def _run(self, x: Array, multipliers: Array | None) -> Result:
-        given = np.zeros(self.problem.rows) if multipliers is None else multipliers
-        self.last = _point(self.problem, x, given)
+        self.last = _point(self.problem, x, multipliers)
         if not np.isfinite(self.last.worst):
             return self._result(Status.NOT_FINITE, self.last)
         if (inverted_facets(self.problem, x) <= 0).any():
@@ -337,7 +345,7 @@ class _Solve:
             return False
         # Short steps go unchecked until together they are long enough to carry the band through itself.
         moved = self.unguarded + change(self.problem, point.x, trial.x - point.x)
-        if moved > GUARD_FROM or self.trouble[0] is Status.LEFT_TOPOLOGY:
+        if moved > self.guard_from or self.trouble[0] is Status.LEFT_TOPOLOGY:
             complaint = self._complaint(trial)
             if complaint:
                 self.trouble = (Status.LEFT_TOPOLOGY, complaint)
