@@ -7,12 +7,15 @@ BIN := $(VENV)/bin
 READY := $(VENV)/ready
 READY_DEV := $(VENV)/ready-dev
 READY_BENCH := $(VENV)/ready-bench
+# The lowest supported Python with the lowest supported version of everything, in an environment of its own.
+MINIMUM_PYTHON ?= python3.11
+MINIMUM := .venv-minimum
 # Of what pip says, errors alone are shown.
 PIP := $(BIN)/python -m pip -qq --disable-pip-version-check
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup table-3.1 test lint bench clean
+.PHONY: help setup table-3.1 test test-minimum lint bench clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z][a-z0-9.-]*\):.*## \(.*\)/make \1|\2/p' Makefile | awk -F'|' '{printf "%-16s %s\n", $$1, $$2}'
@@ -27,6 +30,10 @@ table-3.1: setup ## solve the pi-bands of Table 3.1 and print it beside the publ
 test: $(READY_DEV) ## run the whole test suite
 	@$(BIN)/python -m pytest
 
+test-minimum: $(MINIMUM)/ready ## run the quick tests on the lowest supported versions
+	@$(MINIMUM)/bin/python -m pytest -m "not slow" \
+		--ignore=tests/test_resume.py --ignore=tests/test_study.py --ignore=tests/test_table_3_1.py
+
 lint: $(READY_DEV) ## check style, format and types
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
@@ -35,8 +42,8 @@ lint: $(READY_DEV) ## check style, format and types
 bench: $(READY_BENCH) ## measure the solver against CasADi with IPOPT
 	@$(BIN)/python -m bench.run
 
-clean: ## remove .venv and caches; runs stay
-	rm -rf $(VENV) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .coverage
+clean: ## remove .venv, .venv-minimum and caches; runs stay
+	rm -rf $(VENV) $(MINIMUM) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .coverage
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 $(READY): pyproject.toml
@@ -53,6 +60,18 @@ $(READY_BENCH): pyproject.toml
 	@$(new-venv)
 	@$(PIP) install --editable '.[bench]'
 	@touch $@ $(READY)
+
+$(MINIMUM)/ready: pyproject.toml constraints/minimum.txt
+	@command -v $(MINIMUM_PYTHON) > /dev/null || { \
+		echo "no '$(MINIMUM_PYTHON)' here: name the lowest supported one, as in 'make MINIMUM_PYTHON=/path/to/python3.11 test-minimum'" >&2; \
+		exit 1; \
+	}
+	@echo "setting up $(MINIMUM), once" >&2
+	@$(MINIMUM_PYTHON) -m venv --clear $(MINIMUM)
+	@$(MINIMUM)/bin/python -m pip -qq --disable-pip-version-check install --only-binary :all: -r constraints/minimum.txt
+	@$(MINIMUM)/bin/python -m pip -qq --disable-pip-version-check install --no-deps --editable .
+	@$(MINIMUM)/bin/python -m pip --disable-pip-version-check check
+	@touch $@
 
 # A virtual environment, unless a working one is there; the interpreter is checked before it is used.
 define new-venv

@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+from inspect import signature
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +37,8 @@ spectrum: {modes: 4, full_up_to: 0}
 
 def ribbon(*args: str | Path, **options: Any) -> Result:
     """Run a command line in this process."""
-    return CliRunner().invoke(cli, [str(arg) for arg in args], **options)
+    separate = {"mix_stderr": False} if "mix_stderr" in signature(CliRunner).parameters else {}  # click < 8.2
+    return CliRunner(**separate).invoke(cli, [str(arg) for arg in args], **options)
 
 
 def ribbon_json(*args: str | Path, code: int = 0) -> Any:
