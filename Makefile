@@ -28,7 +28,7 @@ table-3.1: setup ## solve the pi-bands of Table 3.1 and print it beside the publ
 		--second-minimum mobius-pi-second-minimum@b=0.1,N=50
 
 test: $(READY_DEV) ## run the whole test suite
-	@$(BIN)/python -m pytest
+	@$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile
 
 test-minimum: $(MINIMUM)/ready ## run the quick tests on the lowest supported versions
 	@$(MINIMUM)/bin/python -m pytest -m "not slow" \
