@@ -74,8 +74,8 @@ def test_a_step_that_fails_is_halved_and_reported(tmp_path: Path, monkeypatch: p
 
     honest = module.to_width
 
-    def fragile(state, multipliers, half_width, options):
-        move = honest(state, multipliers, half_width, options)
+    def fragile(state, multipliers, half_width, *rest):
+        move = honest(state, multipliers, half_width, *rest)
         if abs(half_width - state.band.half_width) > 0.06:
             return replace(move, result=replace(move.result, status=Status.ITERATION_LIMIT))
         return move
@@ -103,8 +103,8 @@ def test_a_width_out_of_reach_is_a_failure_that_names_itself(
 
     honest = module.to_width
 
-    def blocked(state, multipliers, half_width, options):
-        move = honest(state, multipliers, half_width, options)
+    def blocked(state, multipliers, half_width, *rest):
+        move = honest(state, multipliers, half_width, *rest)
         status = Status.LEFT_TOPOLOGY if half_width > 0.35 else move.result.status
         return replace(move, result=replace(move.result, status=status))
 

@@ -15,9 +15,11 @@ from ..model.band import Array, Band, State
 from ..model.folding import ClosureError
 from ..model.problem import Problem
 from .newton import Options, solve
-from .prolongation import Phase, Start, phase_of, smooth, split
+from .prolongation import Phase, Start, clear_phase, phase_of, smooth, split
 from .status import Result, SaddleMet, Status
+from .tracking import PARTS, follows, slid
 
+STATIONARY = (Status.MINIMUM, Status.SADDLE, Status.UNDECIDED)
 TRACKING_STEPS = 60
 """Newton steps after which a step along a branch is given up and halved; good ones take 4 to 20."""
 
@@ -47,11 +49,14 @@ class _Trail:
     events: list[str] = field(default_factory=list)
     steps: int = 0
 
+    @property
+    def tracking(self) -> Options:
+        """Options of a solve that stays where it is: it leaves no saddle and gives up early."""
+        return replace(self.options, leave_saddles=0, max_steps=min(self.options.max_steps, TRACKING_STEPS))
+
     def solve(self, state: State, multipliers: Array | None, *, leaving: bool) -> Result:
         """Solve from a state; saddles are met and kept, and left only if `leaving`."""
-        options = self.options
-        if not leaving:
-            options = replace(options, leave_saddles=0, max_steps=min(options.max_steps, TRACKING_STEPS))
+        options = self.options if leaving else self.tracking
         result = solve(Problem(state.band), state.vector(), multipliers, options)
         self.steps += result.steps
         for met in (*result.saddles, *_ended_on(result)):
@@ -84,6 +89,12 @@ class _Trail:
         return self.move(self.solve(saddle.state, saddle.multipliers, leaving=True), method)
 
 
+def _track(options: Options, state: State, multipliers: Array) -> tuple[State, Array] | None:
+    """The stationary point next to a state, of any index, or None; nobody watches."""
+    result = solve(Problem(state.band), state.vector(), multipliers, replace(options, watch=None))
+    return (result.state, result.multipliers) if result.status in STATIONARY else None
+
+
 def _ended_on(result: Result) -> tuple[SaddleMet, ...]:
     """The saddle that a result is, if it is one."""
     if result.status is not Status.SADDLE:
@@ -106,11 +117,25 @@ def _other(phase: Phase) -> Phase:
     return Phase.FACET if phase is Phase.NODE else Phase.NODE
 
 
-def to_width(state: State, multipliers: Array, half_width: float, options: Options) -> Move:
-    """Natural continuation from a state (with its multipliers (5N+3,)) to another half-width."""
+def to_width(
+    state: State, multipliers: Array, half_width: float, options: Options, parts: int = PARTS
+) -> Move:
+    """Natural continuation from a state (with its multipliers (5N+3,)) to another half-width.
+
+    A stationary point that the state's branch does not lead to, as there is behind a fold, has status
+    `LEFT_BRANCH`; a step in doubt is halved `parts` times to find out.
+    """
     trail, method = _Trail(options), "continuation in width"
     wider = State(state.band.with_half_width(half_width), state.u, state.g, state.xi)
     result = trail.solve(wider, multipliers, leaving=False)
+    if result.status not in STATIONARY:
+        return trail.move(result, method)
+    ends = (state, multipliers), (result.state, result.multipliers)
+    if not follows(*ends, partial(_track, trail.tracking), parts):
+        return trail.move(replace(result, status=Status.LEFT_BRANCH), method)
+    phases = clear_phase(state), clear_phase(result.state)
+    if result.status is Status.MINIMUM and phases[1] is not None and slid(*phases):
+        trail.events.append(f"grid phase: slid until the inflection sat on a {phases[1].value}")
     return trail.settle(result, method) if result.status is Status.SADDLE else trail.move(result, method)
 
 

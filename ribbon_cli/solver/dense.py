@@ -193,7 +193,7 @@ class _DenseSolve:
         violation = float(self.penalty @ np.abs(point.local.constraints))
         slope = min(float(point.local.gradient @ step) - violation, 0.0)
         before = point.merit(self.penalty)
-        t = min(1.0, self.options.step_limit / max(change(self.problem, point.x, step), 1e-300))
+        t = min(1.0, self.options.step_limit / max(change(point.x, step), 1e-300))
         while t >= SHORTEST:
             mixed = point.multipliers + t * (multipliers - point.multipliers)
             full = _Point.at(self.problem, point.x + t * step, mixed)
@@ -211,7 +211,7 @@ class _DenseSolve:
         x = point.x
         for _ in range(CORRECTIONS):
             extra = model.correction(self.problem.weighted_constraints(x))
-            if not change(self.problem, x, extra) <= self.options.step_limit:
+            if not change(x, extra) <= self.options.step_limit:
                 break
             x = x + extra
         return _Point.at(self.problem, x, point.multipliers)
@@ -234,7 +234,7 @@ class _DenseSolve:
         self.saddles.append(
             SaddleMet(point.x, point.multipliers, energy, negative, point.kkt, point.constraint)
         )
-        v = model.vectors[:, 0] / change(self.problem, point.x, model.vectors[:, 0])
+        v = model.vectors[:, 0] / change(point.x, model.vectors[:, 0])
         for t in (0.4, 0.1, 0.02):
             reach = t * self.options.step_limit
             ends = [

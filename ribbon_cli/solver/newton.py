@@ -108,7 +108,7 @@ def inverted_facets(problem: Problem, x: Array) -> Array:
     return out
 
 
-def change(problem: Problem, x: Array, step: Array) -> float:
+def change(x: Array, step: Array) -> float:
     """Size of a step: the largest change of a tangent, of a ruling over its length, or of xi/4."""
     s, y = step.reshape(-1, 7), x.reshape(-1, 7)
     squares, lengths = s * s, y[:, 3:6] * y[:, 3:6]
@@ -269,7 +269,7 @@ class _Solve:
         step, multipliers = plain
         if point.worst > NEAR_SADDLE or factor.surplus == 0:
             return None
-        if change(self.problem, point.x, step) > NEAR_STEP:
+        if change(point.x, step) > NEAR_STEP:
             return None
         trial = _point(self.problem, point.x + step, multipliers)
         if not trial.worst < 0.1 * point.worst:
@@ -280,7 +280,7 @@ class _Solve:
         """One accepted step, or None."""
         self.trouble = (Status.STALLED, "")
         self.search.raise_penalty(found.multipliers)
-        size = change(self.problem, point.x, found.step)
+        size = change(point.x, found.step)
         if not np.isfinite(size):
             self.trouble = (Status.NOT_FINITE, "")
             return None
@@ -305,7 +305,7 @@ class _Solve:
         for corrections in range(MOST_CORRECTIONS + 1):
             if corrections:
                 extra = self.search.correct(point, x)
-                if not change(self.problem, x, extra) <= self.options.step_limit:
+                if not change(x, extra) <= self.options.step_limit:
                     return None
                 x = x + extra
             with np.errstate(over="ignore", invalid="ignore"):
@@ -344,7 +344,7 @@ class _Solve:
                 self.trouble = (Status.INVERTED_FACET, "")
             return False
         # Short steps go unchecked until together they are long enough to carry the band through itself.
-        moved = self.unguarded + change(self.problem, point.x, trial.x - point.x)
+        moved = self.unguarded + change(point.x, trial.x - point.x)
         if moved > self.guard_from or self.trouble[0] is Status.LEFT_TOPOLOGY:
             complaint = self._complaint(trial)
             if complaint:
@@ -370,7 +370,7 @@ class _Solve:
         """Leave a saddle along its lowest eigenvector, to the side and by the length of least energy."""
         v = found.vectors[:, 0]
         v = v * np.sign(v[np.argmax(np.abs(v))])
-        size = change(self.problem, point.x, v)
+        size = change(point.x, v)
         best: _Point | None = None
         for t in (0.4, 0.1, 0.02, 0.004):
             for side in (1.0, -1.0):

@@ -23,6 +23,10 @@ STEEPENING = 2.7
 to 1.0, N = 50 to 400: 2.5 to 2.8). It shapes starts only, never results."""
 
 
+CLEARLY = 0.7
+"""Cosine of an inflection's phase on the grid from which it counts as at a node or a facet's middle."""
+
+
 class Phase(Enum):
     """Where the first inflection is put on the new grid; see `grid_shift`."""
 
@@ -103,6 +107,17 @@ def phase_of(state: State) -> Phase:
     if roots.size == 0:
         return Phase.FACET
     return Phase.NODE if float(np.cos(2 * np.pi * roots / state.band.h).sum()) > 0 else Phase.FACET
+
+
+def clear_phase(state: State) -> Phase | None:
+    """The grid phase where all inflections sit alike on the grid and near a node or a facet's middle."""
+    roots = inflections(curvature(state), state.band)
+    if roots.size == 0:
+        return None
+    alike = np.cos(2 * np.pi * roots / state.band.h)
+    if float(np.abs(alike).min()) < CLEARLY or (np.sign(alike) != np.sign(alike[0])).any():
+        return None
+    return Phase.NODE if alike[0] > 0 else Phase.FACET
 
 
 def _sample(values: Array, first: float, sign: int, length: float, s: Array) -> Array:

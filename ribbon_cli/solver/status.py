@@ -19,6 +19,7 @@ class Status(Enum):
     INVERTED_FACET = "inverted-facet"
     NOT_FINITE = "not-finite"
     UNDECIDED = "undecided"
+    LEFT_BRANCH = "left-branch"
 
     @property
     def sentence(self) -> str:
@@ -35,6 +36,7 @@ _SENTENCES = {
     Status.INVERTED_FACET: "A facet turned inside out: the shape is no longer a folded strip.",
     Status.NOT_FINITE: "The energy or its derivatives are not finite.",
     Status.UNDECIDED: "Converged, but whether it is a minimum could not be decided.",
+    Status.LEFT_BRANCH: "Converged, but not on the branch that the step began on.",
 }
 
 

@@ -15,6 +15,7 @@ from ..recipes.twist import twist_stages
 from ..solver.continuation import Move, to_width
 from ..solver.newton import Options, solve
 from ..solver.status import Result, Status
+from ..solver.tracking import PARTS
 from ..store import Run, StateRecord
 from .given import given_state
 from .journal import checked, converged
@@ -245,10 +246,14 @@ class _Study:
         state, multipliers = state_of(current), multipliers_of(current)
         failures: list[str] = []
         whole: tuple[Move, Result, Clock] | None = None
-        for stage, width in self._candidates(current, b)[self._first_candidate(current, b) :]:
+        beyond: list[float] = []
+        candidates = list(enumerate(self._candidates(current, b)))
+        for halvings, (stage, width) in candidates[self._first_candidate(current, b) :]:
             self.steps.begin(stage, width, current.segments)
             clock = self.journal.clock()
-            move = to_width(state, multipliers, width, self.steps.options)
+            # Doubts are resolved down to one length, however often the step itself was halved.
+            parts = max(0, PARTS - halvings)
+            move = to_width(state, multipliers, width, self.steps.options, parts)
             result = checked(Problem(move.band), move.result, self.config.half_twists)
             if result.status is Status.MINIMUM:
                 kind = "equilibrium" if width == b else "intermediate"
@@ -256,12 +261,20 @@ class _Study:
                     move, result, clock, kind=kind, stage=stage, parent=current.label, failures=failures
                 )
             whole = whole or (move, result, clock)
+            beyond += [width] if result.status is Status.LEFT_BRANCH else []
             failures.append(
                 f"a step from b = {current.half_width:.12g} to {width:.12g} failed, halved: {result.message}"
             )
             self.journal.note(failures[-1])
         assert whole is not None
         move, result, clock = whole
+        if beyond:
+            near = 0.5 * (current.half_width + beyond[-1])
+            self._stop(
+                f"the branch seems to turn back (fold) near b = {near:.6g}: natural continuation towards "
+                f"b = {b:.12g} ends, its last state is {current.label} at b = {current.half_width:.12g}"
+            )
+            return None
         self._stop(f"no step from b = {current.half_width:.12g} towards {b:.12g} succeeds. {result.message}")
         if converged(result) and move.band.half_width == b:
             return self.steps.store_move(
