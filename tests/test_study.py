@@ -65,6 +65,30 @@ def test_a_schedule_reaches_its_widths_and_levels(tmp_path: Path) -> None:
     )
 
 
+def test_a_schedule_goes_back_by_continuation(tmp_path: Path) -> None:
+    """The second visit of a width is a solve of its own, from the state before it."""
+    text = SMALL + "widths: [0.3, 0.4, 0.3]\nrefinement: [20, 40]\n"
+    watch = Recorder()
+    outcome = solve_config(config(text), tmp_path, progress=watch)
+    assert outcome.exit_code == 0
+    assert [(t.half_width, t.segments) for t in outcome.targets] == [
+        (b, n) for b in (0.3, 0.4, 0.3) for n in (20, 40)
+    ]
+    labels = [t.label for t in outcome.targets]
+    assert len(set(labels)) == 6
+    records = [outcome.run.load(label) for label in labels]
+    assert [r.stage for r in records[2:]] == [
+        "b = 0.4",
+        "b = 0.4, refined to N = 40",
+        "b = 0.3 (visit 2)",
+        "b = 0.3 (visit 2), refined to N = 40",
+    ]
+    assert [r.parent for r in records[1:]] == [labels[k] for k in (0, 0, 2, 2, 4)]
+    assert records[4].energy == pytest.approx(records[0].energy, rel=1e-12)
+    assert [name for name, _, _ in watch.stages] == [stage.name for stage in plan_of(config(text)).stages]
+    assert solve_config(config(text), tmp_path).new_states == 0
+
+
 def test_a_step_that_fails_is_halved_and_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Steps of more than 0.06 in b are made to fail; the schedule gets there by halves and says so."""
     from dataclasses import replace

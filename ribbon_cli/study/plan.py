@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ..config import Config
@@ -35,14 +37,22 @@ class Plan:
     notes: tuple[str, ...]
 
 
-def width_name(half_width: float) -> str:
-    """The stage that ends at a requested width."""
-    return f"b = {half_width:.12g}"
+def visits(widths: Sequence[float]) -> list[tuple[float, int]]:
+    """Each width of a schedule with how often it has come so far, from 1."""
+    return [
+        (b, sum(math.isclose(b, other, rel_tol=1e-9) for other in widths[: k + 1]))
+        for k, b in enumerate(widths)
+    ]
 
 
-def refinement_name(half_width: float, segments: int) -> str:
+def width_name(half_width: float, visit: int = 1) -> str:
+    """The stage that ends at a requested width; a schedule may come back to it."""
+    return f"b = {half_width:.12g}" + (f" (visit {visit})" if visit > 1 else "")
+
+
+def refinement_name(half_width: float, segments: int, visit: int = 1) -> str:
     """The stage that ends at a requested width and level."""
-    return f"b = {half_width:.12g}, refined to N = {segments}"
+    return f"{width_name(half_width, visit)}, refined to N = {segments}"
 
 
 def refined_at(config: Config, half_width: float) -> tuple[int, ...]:
@@ -71,11 +81,12 @@ def plan_of(config: Config) -> Plan:
     stages.append(
         PlannedStage(start_name(config), "equilibrium" if named else "intermediate", guess.half_width, first)
     )
-    for k, b in enumerate(widths or (guess.half_width,)):
+    places: list[tuple[float | None, int]] = [*visits(widths)] or [(guess.half_width, 1)]
+    for k, (b, visit) in enumerate(places):
         if not (k == 0 and named):
-            stages.append(PlannedStage(width_name(b or 0.0), "equilibrium", b, first))
+            stages.append(PlannedStage(width_name(b or 0.0, visit), "equilibrium", b, first))
         for n in refined_at(config, b) if b is not None else config.refinement.levels[1:]:
-            name = refinement_name(b, n) if b is not None else f"refined to N = {n}"
+            name = refinement_name(b, n, visit) if b is not None else f"refined to N = {n}"
             stages.append(PlannedStage(name, "equilibrium", b, n))
     cost = sum(_cost(config, s) for s in stages)
     halving = "a step in width that fails is halved; what that adds is not counted"

@@ -20,7 +20,7 @@ from ..store import Run, StateRecord
 from .given import given_state
 from .journal import checked, converged
 from .outcome import Outcome, Target
-from .plan import plan_of, refined_at, refinement_name, start_name, width_name
+from .plan import plan_of, refined_at, refinement_name, start_name, visits, width_name
 from .progress import Progress, Silence
 from .records import Clock, multipliers_of, state_of
 from .steps import Steps
@@ -200,39 +200,40 @@ class _Study:
     def _widths(self, current: StateRecord) -> None:
         """The schedule of widths from the freed guess, each with its refinement."""
         start = current
-        for b in self.config.widths or (start.half_width,):
+        for b, visit in visits(self.config.widths or (start.half_width,)):
             if self.stopped is None and not math.isclose(b, current.half_width, rel_tol=1e-9):
-                current = self._reach(current, b)
+                current = self._reach(current, b, visit)
             here = math.isclose(b, current.half_width, rel_tol=1e-9)
             if not here:
                 self._missed(b, (start.segments, *refined_at(self.config, b)))
                 continue
             self.targets.append(_target(current))
-            self._refine(current, b)
+            self._refine(current, b, visit)
             if current.self_contact and self.config.contact == "stop" and self.stopped is None:
                 self.journal.note(f"the band touches itself at b = {b:.12g}: contact: stop ends the schedule")
                 return
 
-    def _reach(self, current: StateRecord, b: float) -> StateRecord:
+    def _reach(self, current: StateRecord, b: float, visit: int) -> StateRecord:
         """Continue to width b, halving steps that fail; the last state reached, `stopped` if it is not b."""
         while True:
-            following = self._stored_step(current, b) or self._step(current, b)
+            following = self._stored_step(current, b, visit) or self._step(current, b, visit)
             if following is None:
                 return current
             current = following
             if current.kind == "equilibrium" or self.stopped is not None:
                 return current
 
-    def _candidates(self, current: StateRecord, b: float) -> list[tuple[str, float]]:
+    def _candidates(self, current: StateRecord, b: float, visit: int) -> list[tuple[str, float]]:
         """Stage names and widths to try from here: all the way, half of it, a quarter, ..."""
-        out = [(width_name(b), b)]
+        goal = width_name(b, visit)
+        out = [(goal, b)]
         for j in range(1, MOST_HALVINGS + 1):
             part = current.half_width + (b - current.half_width) / 2**j
-            out.append((f"{width_name(part)} on the way to {width_name(b)}", part))
+            out.append((f"{width_name(part)} on the way to {goal}", part))
         return out
 
-    def _stored_step(self, current: StateRecord, b: float) -> StateRecord | None:
-        for stage, width in self._candidates(current, b):
+    def _stored_step(self, current: StateRecord, b: float, visit: int) -> StateRecord | None:
+        for stage, width in self._candidates(current, b, visit):
             record = self.journal.finished(stage)
             if record is not None:
                 self.steps.begin(stage, width, current.segments)
@@ -241,13 +242,13 @@ class _Study:
                 return record
         return None
 
-    def _step(self, current: StateRecord, b: float) -> StateRecord | None:
+    def _step(self, current: StateRecord, b: float, visit: int) -> StateRecord | None:
         """Compute the longest step that works; None with `stopped` set if none does."""
         state, multipliers = state_of(current), multipliers_of(current)
         failures: list[str] = []
         whole: tuple[Move, Result, Clock] | None = None
         beyond: list[float] = []
-        candidates = list(enumerate(self._candidates(current, b)))
+        candidates = list(enumerate(self._candidates(current, b, visit)))
         for halvings, (stage, width) in candidates[self._first_candidate(current, b) :]:
             self.steps.begin(stage, width, current.segments)
             clock = self.journal.clock()
@@ -278,7 +279,7 @@ class _Study:
         self._stop(f"no step from b = {current.half_width:.12g} towards {b:.12g} succeeds. {result.message}")
         if converged(result) and move.band.half_width == b:
             return self.steps.store_move(
-                move, result, clock, kind="equilibrium", stage=width_name(b), parent=current.label
+                move, result, clock, kind="equilibrium", stage=width_name(b, visit), parent=current.label
             )
         return None
 
@@ -297,14 +298,14 @@ class _Study:
 
     # --- refinement ---
 
-    def _refine(self, record: StateRecord, b: float) -> None:
+    def _refine(self, record: StateRecord, b: float, visit: int) -> None:
         """Refine a width's state level by level."""
         levels = refined_at(self.config, b)
         for k, n in enumerate(levels):
             if not record.certified:
                 self._missed(b, levels[k:], f"the level before it: {record.message}")
                 return
-            following = self.steps.refine(record, n, refinement_name(b, n), "equilibrium")
+            following = self.steps.refine(record, n, refinement_name(b, n, visit), "equilibrium")
             if isinstance(following, str):
                 self.journal.note(following)
                 self._missed(b, levels[k:], following)
