@@ -7,6 +7,7 @@ import math
 import random
 import subprocess
 import sys
+from dataclasses import replace
 
 import pytest
 
@@ -305,6 +306,21 @@ def doubtful():
 def test_every_format_marks_what_has_no_certificate(name, doubtful, table):
     assert RENDERERS[name](doubtful, ()).count("no certificate") >= 3
     assert "no certificate" not in RENDERERS[name](table, ())
+
+
+@pytest.mark.parametrize("name", RENDERERS)
+def test_another_minimum_is_told_and_gives_no_order(name):
+    why = "another minimum: taken back to N = 50 it has E = 0.9256, not 0.9722"
+    group = entries(0.1, THESIS_RULE[0.1][:4])
+    whole = convergence_rows(group)
+    told = [replace(entry, breaks=why if entry.segments == 100 else "") for entry in group]
+    broken = convergence_rows(told)
+    assert [row.order is None for row in whole.rows] == [False, False, True, True]
+    assert [row.order is None for row in broken.rows] == [True, False, True, True]
+    assert broken.rows[0].delta == whole.rows[0].delta
+    assert broken.rows[0].note == f"E_100 is not on the branch of E_50: {why}"
+    assert "without N < 100, another minimum" in broken.extrapolations[0].reason
+    assert "taken back to N" in RENDERERS[name](broken, ()).replace("{", "").replace("}", "")
 
 
 @pytest.mark.parametrize("name", RENDERERS)

@@ -43,13 +43,17 @@ SAME_WIDTH = 1e-9
 
 @dataclass(frozen=True)
 class Entry:
-    """Energy Q_h of one state: `half_width` b, `segments` N, `energy` (None or not finite: unknown)."""
+    """Energy Q_h of one state: `half_width` b, `segments` N, `energy` (None or not finite: unknown).
+
+    `breaks` is empty, or says why the state is not on the branch of the entry with N/2.
+    """
 
     half_width: float
     segments: int
     energy: float | None
     certified: bool
     label: int | str | None = None
+    breaks: str = ""
 
 
 @dataclass(frozen=True)
@@ -57,8 +61,9 @@ class Row:
     """One line of the table; what cannot be computed from the energies at hand is None.
 
     `delta` = |E_N - E_2N| (3.11), `ratio` = Delta_N / Delta_2N, `order` = log2(ratio) unless the two
-    differences have opposite signs: then there is none, and `note` says so. `certified` speaks of E_N alone;
-    `note` names every energy behind `delta` that has no certificate.
+    differences have opposite signs: then there is none, and `note` says so. Nor is there a ratio or order
+    where one of the energies is another minimum's; `note` says where `delta` has no meaning for that.
+    `certified` speaks of E_N alone; `note` names every energy behind `delta` that has no certificate.
     """
 
     half_width: float
@@ -142,10 +147,13 @@ def _change(group: Mapping[int, Entry], segments: int) -> float | None:
 
 def _row(half_width: float, segments: int, group: Mapping[int, Entry]) -> Row:
     here, there = _change(group, segments), _change(group, 2 * segments)
-    ratio = abs(here / there) if here is not None and there else None
-    turns = here is not None and there is not None and here * there < 0
+    broken = [n for n in (2 * segments, 4 * segments) if n in group and group[n].breaks]
+    ratio = abs(here / there) if here is not None and there and not broken else None
+    turns = here is not None and there is not None and here * there < 0 and not broken
     used = (segments,) if here is None else (segments, 2 * segments)
     notes = [f"no certificate: E_{n}" for n in used if not group[n].certified]
+    if 2 * segments in broken:
+        notes.append(f"E_{2 * segments} is not on the branch of E_{segments}: {group[2 * segments].breaks}")
     if turns:
         notes.append("the difference changes sign: no order")
     return Row(
@@ -168,11 +176,13 @@ def _extrapolate(half_width: float, group: Mapping[int, Entry], length: float) -
         return Extrapolation(half_width, None, None, None, None, False, "no energy has a certificate")
     finest = max(certified)
     chain = [finest]
-    while chain[0] % 2 == 0 and chain[0] // 2 in certified:
+    while chain[0] % 2 == 0 and chain[0] // 2 in certified and not group[chain[0]].breaks:
         chain.insert(0, chain[0] // 2)
     energies = [certified[n] for n in chain]
     skipped = sorted(n for n in group if n > finest)
     aside = "" if not skipped else f"; without N = {', '.join(map(str, skipped))}, which has no certificate"
+    if group[chain[0]].breaks:
+        aside += f"; without N < {chain[0]}, another minimum"
     if len(chain) < 3:
         reason = f"an order needs certified energies at N = {finest}/4, {finest}/2 and {finest}" + aside
         return Extrapolation(half_width, finest, energies[-1], None, None, False, reason)

@@ -10,6 +10,7 @@ from ..config import SpectrumRequest
 from ..model.folding import ClosureError
 from ..model.problem import Problem
 from ..solver.continuation import Move, to_segments
+from ..solver.kinship import another_minimum
 from ..solver.status import Result, Status
 from ..store import Run, StateRecord
 from .journal import Journal, checked, converged, options_for
@@ -110,4 +111,7 @@ class Steps:
         result = checked(Problem(move.band), move.result, self.half_twists)
         if not converged(result):
             return f"{stage}: {result.message}"
+        if result.certified and record.certified:
+            kin = another_minimum(state_of(record), result.state, self.options)
+            move = replace(move, events=(*move.events, kin)) if kin else move
         return self.store_move(move, result, clock, kind=kind, stage=stage, parent=record.label)

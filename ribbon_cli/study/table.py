@@ -3,13 +3,23 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
 
 from ..report.convergence import Entry
 from ..store import Run
 
+ANOTHER = "another minimum"
+"""How the event of a refinement begins that ended in another minimum than it came from."""
+
 
 def table_entries(run: Run) -> list[Entry]:
-    """One entry for each width and number of segments: the latest certified equilibrium, else the latest."""
+    """One entry for each width and number of segments: the latest certified equilibrium, else the latest.
+
+    An entry that is not on the branch of the one with half its segments says so in `breaks`. That is read
+    off parents and their events; where they do not lead there, the two states are compared.
+    """
     chosen: list[Entry] = []
     for state in run.states():
         entry = Entry(
@@ -24,8 +34,51 @@ def table_entries(run: Run) -> list[Entry]:
             chosen.append(entry)
         elif entry.certified or not chosen[place].certified:
             chosen[place] = entry
-    return chosen
+    states = {state["label"]: state for state in run.states(all=True)}
+    return [replace(entry, breaks=_break(run, states, chosen, entry)) for entry in chosen]
 
 
 def _same(a: Entry, b: Entry) -> bool:
     return a.segments == b.segments and math.isclose(a.half_width, b.half_width, rel_tol=1e-9)
+
+
+def _break(run: Run, states: Mapping[int, Mapping[str, Any]], chosen: list[Entry], fine: Entry) -> str:
+    """Why an entry does not continue the one with half its segments; empty if it does or there is none."""
+    half = replace(fine, segments=fine.segments // 2)
+    coarse = next((entry for entry in chosen if fine.segments % 2 == 0 and _same(entry, half)), None)
+    if coarse is None or not (coarse.certified and fine.certified):
+        return ""
+    state = states[int(fine.label or 0)]
+    while True:
+        found = next((event for event in state["events"] if event.startswith(ANOTHER)), "")
+        if found:
+            return found
+        if state["parent"] not in states:
+            return _compared(run, coarse, fine)
+        state = states[state["parent"]]
+        if state["label"] == coarse.label:
+            return ""
+        if state["kind"] == "equilibrium" and _same(_place(state), coarse):
+            if _one_energy(state["energy"], coarse.energy):
+                return ""
+            return f"{ANOTHER}: refined from state {state['label']} with E = {state['energy']:.9g}"
+
+
+def _place(state: Mapping[str, Any]) -> Entry:
+    return Entry(state["half_width"], int(state["segments"]), state["energy"], bool(state["certified"]))
+
+
+def _one_energy(a: float | None, b: float | None) -> bool:
+    return a is not None and b is not None and math.isclose(a, b, rel_tol=1e-9)
+
+
+def _compared(run: Run, coarse: Entry, fine: Entry) -> str:
+    """The two states compared, where parentage does not tell: only then is SciPy waited for."""
+    from ..solver.kinship import another_minimum
+    from .journal import options_for
+    from .progress import Silence
+    from .records import state_of
+
+    records = [run.load(int(entry.label or 0)) for entry in (coarse, fine)]
+    options = options_for(records[0].half_twists, Silence())
+    return another_minimum(state_of(records[0]), state_of(records[1]), options)
