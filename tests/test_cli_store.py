@@ -91,6 +91,27 @@ def test_ls_lists_the_equilibria_of_a_run(folder):
     assert [state["label"] for state in ribbon_json("ls", "mob", "--all")] == [1, 2, 3, 4]
 
 
+@pytest.mark.parametrize("word", ["missing", "damaged"])
+def test_states_whose_files_are_not_there_have_no_certificate(folder, word):
+    path = folder / "runs/mobius-0123abcd/states/0003.h5"
+    data = path.read_bytes()
+    path.unlink()
+    if word == "damaged":
+        path.write_bytes(data[:5000] + bytes(4) + data[5004:-1] + b"!")
+    result = ribbon("ls", "mob")
+    assert result.exit_code == 4
+    assert result.stderr.startswith(f"ribbon: runs/mobius-0123abcd/states/0003.h5: {word}: ")
+    line = result.stdout.splitlines()[1].split()
+    assert line[0] == "3"
+    assert word in line
+    assert line[-1] == "no"
+    states = ribbon_json("ls", "mob", code=4)
+    assert [(state["status"], state["certified"]) for state in states] == [(word, False), ("minimum", True)]
+    table = ribbon("convergence-table", "mob")
+    assert (table.exit_code, table.stdout) == (4, "")
+    assert f"states/0003.h5: {word}" in table.stderr
+
+
 def test_empty_listings_say_so(folder, tmp_path):
     result = ribbon("ls", "twin")
     assert (result.exit_code, result.stdout) == (0, "")

@@ -29,13 +29,17 @@ def ls(settings: Settings, run: str | None, everything: bool) -> int:
     if run is not None:
         found = find_run(settings.root, run)
         states = found.states(all=everything)
+        lost = found.damage(state["label"] for state in states)
+        states = [_as_found(state, lost.get(state["label"])) for state in states]
         if settings.json:
             emit_json(states)
         elif states:
             emit(states_table(states, kinds=everything))
         else:
             say(settings, _emptiness(found))
-        return 0
+        for label, word in lost.items():
+            complain(f"ribbon: {found.state_path(label)}: {word}: what is listed of it is what was committed")
+        return StoreError.exit_code if lost else 0
     runs = [_describe(item) for item in list_runs(settings.root, aside=everything)]
     if settings.json:
         emit_json(runs)
@@ -47,6 +51,11 @@ def ls(settings: Settings, run: str | None, everything: bool) -> int:
     for line in damaged:
         complain(f"ribbon: {line}")
     return StoreError.exit_code if damaged else 0
+
+
+def _as_found(state: dict[str, Any], damage: str | None) -> dict[str, Any]:
+    """A state's summary, without a certificate where its file is not what was committed."""
+    return state if damage is None else {**state, "status": damage, "certified": False}
 
 
 def _emptiness(run: Run) -> str:

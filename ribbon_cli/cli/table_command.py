@@ -12,7 +12,7 @@ from ribbon_cli.cli.completion import complete_file, complete_source, complete_s
 from ribbon_cli.cli.output import check_target, complain, emit, say
 from ribbon_cli.cli.settings import Settings, common_options, pass_settings
 from ribbon_cli.cli.solve_commands import run_stages
-from ribbon_cli.errors import TargetError, UsageError
+from ribbon_cli.errors import StoreError, TargetError, UsageError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -107,7 +107,8 @@ def _check_comparable(name: str, half_twists: int, length: float, discretisation
 def _table(run: Run, outcome: Outcome | None) -> Table:
     """The run's table, empty when solving its config came to nothing.
 
-    Raises UsageError when a run that was named has nothing to show.
+    Raises UsageError when a run that was named has nothing to show, StoreError where a state's file is not
+    what was committed.
     """
     from ribbon_cli.report.convergence import convergence_rows
     from ribbon_cli.study import table_entries
@@ -117,7 +118,12 @@ def _table(run: Run, outcome: Outcome | None) -> Table:
         raise UsageError(
             f"{run.name} has no equilibria yet; `ribbon ls {run.short_name} --all` lists its states"
         )
-    return convergence_rows(table_entries(run), *(state["length"] for state in states[:1]))
+    entries = table_entries(run)
+    damaged = run.damage(int(entry.label or 0) for entry in entries)
+    if damaged:
+        files = "; ".join(f"{run.state_path(label)}: {word}" for label, word in damaged.items())
+        raise StoreError(f"{files}: the table would rest on states that are not there")
+    return convergence_rows(entries, *(state["length"] for state in states[:1]))
 
 
 def _uncertified(run: Run, table: Table, outcome: Outcome | None) -> list[str]:

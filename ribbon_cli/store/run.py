@@ -10,7 +10,7 @@ import hashlib
 import itertools
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -150,6 +150,23 @@ class Run:
         committed.
         """
         return self._load(label, self.entries())
+
+    def damage(self, labels: Iterable[int]) -> dict[int, str]:
+        """Which of these states' files are `missing` or, by their hash, `damaged`; HDF5 sees none of them.
+
+        Raises StoreError as `events` does.
+        """
+        entries, found = self.entries(), {}
+        for label in labels:
+            path = self.state_path(label)
+            try:
+                data = read_bytes(path)
+            except StoreError:
+                found[label] = "damaged" if os.path.lexists(path) else "missing"
+                continue
+            if hashlib.sha256(data).hexdigest() != entries[label]["sha256"]:
+                found[label] = "damaged"
+        return found
 
     def check_file(self, label: int) -> None:
         """Check a state's file against the log and the log's summary against the file. Raises StoreError."""
