@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 from cli_support import QUICK_RING, ribbon, ribbon_json
 
@@ -80,3 +82,29 @@ def test_check_names_every_problem_with_its_place(tmp_path):
         {key: problem[key] for key in ("line", "column")} for problem in document["problems"]
     ]
     assert len(document["problems"]) == len(lines)
+
+
+def test_check_opens_a_given_state(tmp_path):
+    """What `solve` would refuse is refused; a file of the user's own is bad input, not a damaged store."""
+    state = "name: again\ntopology: {half_twists: 1}\ninitial_guess: {state: STATE}\nwidths: [0.1, 0.2]\n"
+    known = (Path(__file__).parent.parent / "configs/data/pi-b0.1-N50-second-minimum.npz").as_posix()
+    (tmp_path / "good.yaml").write_text(state.replace("STATE", known))
+    (tmp_path / "left.yaml").write_text(state.replace("STATE", known).replace("twists: 1", "twists: -1"))
+    (tmp_path / "none.yaml").write_text(state.replace("STATE", "nothing:3"))
+    (tmp_path / "bad.yaml").write_text(state.replace("STATE", "bad.npz"))
+    (tmp_path / "bad.npz").write_bytes(b"not an archive")
+    stages = ribbon_json("check", "good.yaml")["stages"]
+    assert [(stage["kind"], stage["half_width"], stage["segments"]) for stage in stages] == [
+        ("equilibrium", 0.1, 50),
+        ("equilibrium", 0.2, 50),
+    ]
+    for name, words in (
+        ("left", "has Lk = 0.5"),
+        ("none", "no run 'nothing'"),
+        ("bad", "bad.npz: not a state"),
+    ):
+        for command in ("check", "solve"):
+            result = ribbon(command, f"{name}.yaml")
+            assert (result.exit_code, result.stdout) == (2, ""), name
+            assert words in result.stderr
+    assert not (tmp_path / "runs").exists()

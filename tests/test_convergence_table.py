@@ -138,7 +138,8 @@ def test_three_levels_suffice_and_two_do_not():
     assert extrapolation(1.0, energies, start=400).settled
     item = extrapolation(1.0, energies[1:], start=800)
     assert (item.settled, item.energy, item.error, item.order) == (False, energies[-1], None, None)
-    assert "N = 1600/4, 1600/2 and 1600" in item.reason
+    assert "at N = 400, 800 and 1600" in item.reason
+    assert "N = 333 is not twice" in extrapolation(1.0, [3.0], start=333).reason
 
 
 def test_noise_is_not_taken_for_convergence():

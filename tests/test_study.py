@@ -8,7 +8,7 @@ import pytest
 
 from ribbon_cli.config import Config, parse_config
 from ribbon_cli.errors import UsageError
-from ribbon_cli.study import plan_of, refine_state, solve_config
+from ribbon_cli.study import given_band, plan_of, refine_state, solve_config
 
 SMALL = """
 name: small
@@ -145,6 +145,24 @@ def test_a_width_out_of_reach_is_a_failure_that_names_itself(
     )
 
 
+def test_a_schedule_that_ended_does_not_come_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """After a step that failed, the width before it is not reached again by standing still."""
+    from dataclasses import replace
+
+    from ribbon_cli.solver.status import Status
+    from ribbon_cli.study import solve as module
+
+    honest = module.to_width
+
+    def blocked(*args):
+        move = honest(*args)
+        return replace(move, result=replace(move.result, status=Status.STALLED))
+
+    monkeypatch.setattr(module, "to_width", blocked)
+    outcome = solve_config(config(SMALL + "widths: [0.3, 0.4, 0.3]\n"), tmp_path)
+    assert [t.reached for t in outcome.targets] == [True, False, False]
+
+
 def test_handedness_changes_the_linking_number_and_nothing_else(tmp_path: Path) -> None:
     right = solve_config(config(SMALL), tmp_path)
     left = solve_config(config(SMALL.replace("half_twists: 1", "half_twists: -1")), tmp_path)
@@ -196,8 +214,12 @@ def test_contact_ends_a_schedule_if_asked_to(tmp_path: Path, monkeypatch: pytest
     monkeypatch.setattr(records, "self_contact", touching)
     text = SMALL + "widths: [0.3, 0.4, 0.5]\ncontact: HOW\n"
     stopped = solve_config(config(text.replace("HOW", "stop")), tmp_path)
-    assert [t.half_width for t in stopped.targets] == [0.3, 0.4]
+    assert [(t.half_width, t.reached) for t in stopped.targets] == [(0.3, True), (0.4, True), (0.5, False)]
     assert any("touches itself at b = 0.4" in note for note in stopped.notes)
+    assert stopped.exit_code == 3
+    assert stopped.failures == (
+        "b = 0.5, N = 20: not reached: the band touches itself at b = 0.4: contact: stop ends the schedule",
+    )
     recorded = solve_config(config(text.replace("HOW", "record")), tmp_path)
     assert [t.half_width for t in recorded.targets] == [0.3, 0.4, 0.5]
     assert [s["self_contact"] for s in recorded.run.states()] == [False, True, True]
@@ -242,6 +264,22 @@ def test_auxiliary_states_are_not_refined(tmp_path: Path) -> None:
     first = solve_config(config(SMALL), tmp_path)
     with pytest.raises(UsageError, match="auxiliary"):
         refine_state(tmp_path, f"{first.run.name}:1", levels=1)
+
+
+def test_the_plan_of_a_given_state_is_what_is_run(tmp_path: Path) -> None:
+    first = solve_config(config(SMALL), tmp_path)
+    guess = f"initial_guess: {{state: '{first.run.name}:{first.targets[0].label}'}}\n"
+    for more in ("widths: [0.3, 0.35]\n", "widths: [0.35]\nrefinement: [20, 40]\n", ""):
+        again = config("name: again\ntopology: {half_twists: 1}\n" + guess + more)
+        band = given_band(again, tmp_path)
+        assert band is not None
+        plan = plan_of(again, (band.half_width, band.segments)).stages
+        watch = Recorder()
+        outcome = solve_config(again, tmp_path, progress=watch)
+        assert [name for name, _, _ in watch.stages] == [stage.name for stage in plan]
+        assert all(total == len(plan) for _, _, total in watch.stages)
+        places = [(stage.half_width, stage.segments) for stage in plan if stage.kind == "equilibrium"]
+        assert places == [(t.half_width, t.segments) for t in outcome.targets]
 
 
 def test_another_state_of_the_same_name_is_noticed(tmp_path: Path) -> None:

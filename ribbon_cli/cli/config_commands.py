@@ -73,9 +73,10 @@ def _show_plan(settings: Settings, config: Config) -> None:
     from dataclasses import asdict
 
     from ribbon_cli.cli.render import duration, plan_table
-    from ribbon_cli.study import plan_of
+    from ribbon_cli.study import given_band, plan_of
 
-    plan = plan_of(config)
+    band = given_band(config, settings.root) if config.guess.recipe == "state" else None
+    plan = plan_of(config, None if band is None else (band.half_width, band.segments))
     run = f"{config.name}-{config.hash8()}"
     if settings.json:
         document = {

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from .given import given_band
     from .outcome import Outcome, Target
     from .plan import Plan, PlannedStage, plan_of
     from .progress import Progress
@@ -18,6 +19,7 @@ __all__ = [
     "PlannedStage",
     "Progress",
     "Target",
+    "given_band",
     "plan_of",
     "refine_state",
     "solve_config",
@@ -30,6 +32,7 @@ _HOMES = {
     "PlannedStage": "plan",
     "Progress": "progress",
     "Target": "outcome",
+    "given_band": "given",
     "plan_of": "plan",
     "refine_state": "refine",
     "solve_config": "solve",

@@ -8,11 +8,16 @@ from pathlib import Path
 import numpy as np
 
 from ..config import Config
-from ..errors import UsageError
+from ..errors import StoreError, UsageError
 from ..model.band import Band, Discretisation, State
 from ..model.topology import linking_number
 from ..store import Run, StateRecord, decode, load_npz, resolve_state
 from .records import state_of
+
+
+def given_band(config: Config, root: Path) -> Band | None:
+    """The band of the state that a config starts from, None for a recipe. Raises as `given_state`."""
+    return given_state(config, root)[0].band if config.guess.recipe == "state" else None
 
 
 def given_state(config: Config, root: Path) -> tuple[State, str]:
@@ -20,13 +25,16 @@ def given_state(config: Config, root: Path) -> tuple[State, str]:
 
     The name bears a hash of the state's numbers, so that a run can tell whether it started from them.
 
-    Raises UsageError if it does not exist or is not the band that the config describes, StoreError if it is
-    damaged.
+    Raises UsageError if it does not exist, is an npz file without a state in it, or is not the band that the
+    config describes; StoreError if a run's state is damaged.
     """
     ref = config.guess.state or ""
     run, label, path = resolve_state(root, ref)
     if path.suffix == ".npz":
-        data = load_npz(path)
+        try:
+            data = load_npz(path)
+        except StoreError as error:  # not of the store: a file of the user's own
+            raise UsageError(f"initial_guess.state: {error}") from error
         length, sigma, n = float(data["length"]), int(data["sigma"]), int(data["xi"].size)
         found = State(Band(n, float(data["half_width"]), length, sigma), data["u"], data["g"], data["xi"])
     else:

@@ -67,21 +67,22 @@ def start_name(config: Config) -> str:
     return names[config.guess.recipe]
 
 
-def plan_of(config: Config) -> Plan:
-    """Resolve a config into its stages."""
-    guess, first = config.guess, config.guess.segments
+def plan_of(config: Config, given: tuple[float, int] | None = None) -> Plan:
+    """Resolve a config into its stages; `given`: half-width and segments of the state that it starts from."""
+    guess = config.guess
+    half_width, first = given or (guess.half_width, guess.segments)
     stages: list[PlannedStage] = []
     if guess.recipe == "twist":
         stages += [
-            PlannedStage(f"twist {k}/{guess.steps}", "auxiliary", guess.half_width, first)
+            PlannedStage(f"twist {k}/{guess.steps}", "auxiliary", half_width, first)
             for k in range(1, (guess.steps or 0) + 1)
         ]
     widths = config.widths
-    named = not widths or (guess.half_width is not None and widths[0] == guess.half_width)
+    named = not widths or (half_width is not None and math.isclose(widths[0], half_width, rel_tol=1e-9))
     stages.append(
-        PlannedStage(start_name(config), "equilibrium" if named else "intermediate", guess.half_width, first)
+        PlannedStage(start_name(config), "equilibrium" if named else "intermediate", half_width, first)
     )
-    places: list[tuple[float | None, int]] = [*visits(widths)] or [(guess.half_width, 1)]
+    places: list[tuple[float | None, int]] = [*visits(widths)] or [(half_width, 1)]
     for k, (b, visit) in enumerate(places):
         if not (k == 0 and named):
             stages.append(PlannedStage(width_name(b or 0.0, visit), "equilibrium", b, first))

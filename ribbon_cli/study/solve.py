@@ -81,7 +81,7 @@ class _Study:
             progress,
             argv,
             folder if folder.is_dir() else None,
-            len(plan_of(config).stages),
+            len(plan_of(config, None if given is None else _place(given[0])).stages),
         )
         self.journal = self.steps.journal
         self.targets: list[Target] = []
@@ -94,8 +94,13 @@ class _Study:
             self._widths(current)
         else:
             guess = self.config.guess
-            for b in self.config.widths or (guess.half_width or math.nan,):
-                self._missed(b, (guess.segments or 0, *refined_at(self.config, b)))
+            half_width, segments = (
+                (guess.half_width or math.nan, guess.segments or 0)
+                if self.given is None
+                else _place(self.given[0])
+            )
+            for b in self.config.widths or (half_width,):
+                self._missed(b, (segments, *refined_at(self.config, b)))
         return Outcome(
             self.journal.run, tuple(self.targets), tuple(self.journal.notes), self.journal.new_states
         )
@@ -200,18 +205,17 @@ class _Study:
     def _widths(self, current: StateRecord) -> None:
         """The schedule of widths from the freed guess, each with its refinement."""
         start = current
-        for b, visit in visits(self.config.widths or (start.half_width,)):
+        for k, (b, visit) in enumerate(visits(self.config.widths or (start.half_width,))):
+            ended = k > 0 and self.stopped is not None  # a later visit is none of the state that stands there
             if self.stopped is None and not math.isclose(b, current.half_width, rel_tol=1e-9):
                 current = self._reach(current, b, visit)
-            here = math.isclose(b, current.half_width, rel_tol=1e-9)
-            if not here:
+            if ended or not math.isclose(b, current.half_width, rel_tol=1e-9):
                 self._missed(b, (start.segments, *refined_at(self.config, b)))
                 continue
             self.targets.append(_target(current))
             self._refine(current, b, visit)
             if current.self_contact and self.config.contact == "stop" and self.stopped is None:
-                self.journal.note(f"the band touches itself at b = {b:.12g}: contact: stop ends the schedule")
-                return
+                self._stop(f"the band touches itself at b = {b:.12g}: contact: stop ends the schedule")
 
     def _reach(self, current: StateRecord, b: float, visit: int) -> StateRecord:
         """Continue to width b, halving steps that fail; the last state reached, `stopped` if it is not b."""
@@ -323,6 +327,11 @@ class _Study:
         for n in levels:
             message = f"not reached: {why or self.stopped}"
             self.targets.append(Target(half_width, n, None, False, False, message))
+
+
+def _place(state: State) -> tuple[float, int]:
+    """Half-width and segments."""
+    return state.band.half_width, state.band.segments
 
 
 def _target(record: StateRecord) -> Target:
