@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from ribbon_cli.config import Config, parse_config
-from ribbon_cli.errors import UsageError
+from ribbon_cli.errors import LockedError, UsageError
+from ribbon_cli.store import Run
 from ribbon_cli.study import given_band, plan_of, refine_state, solve_config
 
 SMALL = """
@@ -280,6 +281,30 @@ def test_the_plan_of_a_given_state_is_what_is_run(tmp_path: Path) -> None:
         assert all(total == len(plan) for _, _, total in watch.stages)
         places = [(stage.half_width, stage.segments) for stage in plan if stage.kind == "equilibrium"]
         assert places == [(t.half_width, t.segments) for t in outcome.targets]
+
+
+def test_a_finished_run_is_used_without_its_lock(tmp_path: Path) -> None:
+    """It may be on a disk that is read only, or be refined by someone else at the time."""
+    text = SMALL + "widths: [0.3, 0.35]\n"
+    first = solve_config(config(text), tmp_path)
+    refine_state(tmp_path, f"{first.run.name}:{first.targets[0].label}", levels=1)
+    watch = Recorder()
+    with Run.open(first.run.path).writing():
+        again = solve_config(config(text), tmp_path, progress=watch)
+        assert (again.new_states, again.exit_code) == (0, 0)
+        assert again.targets == first.targets
+        assert len(watch.stages) == len(plan_of(config(text)).stages)
+        assert watch.ended == 1
+        assert refine_state(tmp_path, f"{first.run.name}:{first.targets[0].label}", levels=1).new_states == 0
+        with pytest.raises(LockedError):
+            refine_state(tmp_path, f"{first.run.name}:{first.targets[1].label}", levels=1)
+
+
+def test_a_finished_run_is_not_written_to(tmp_path: Path) -> None:
+    first = solve_config(config(SMALL), tmp_path)
+    before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")}
+    assert solve_config(config(SMALL), tmp_path).targets == first.targets
+    assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")} == before
 
 
 def test_another_state_of_the_same_name_is_noticed(tmp_path: Path) -> None:

@@ -210,6 +210,11 @@ class Run:
             yield self
 
     @property
+    def is_writing(self) -> bool:
+        """Whether this object is inside `writing()`."""
+        return self._lock.held
+
+    @property
     def next_label(self) -> int:
         """Label that the next commit must have."""
         return self._next if self._lock.held else self._find_next_label()

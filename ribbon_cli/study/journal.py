@@ -20,12 +20,33 @@ from ..model.topology import Linking, linking_number
 from ..solver.newton import Options
 from ..solver.status import Result, SaddleMet, Status
 from ..store import Run, StateRecord
-from .progress import Progress
+from .outcome import Outcome
+from .progress import Progress, Recording
 from .records import Clock, Reached, build_record, saddle_result
 
 
+class NotStoredError(Exception):
+    """A stage has to be computed, and the run is not open for writing; nothing that a user meets."""
+
+
+def run_or_read(run: Run, progress: Progress, study: Callable[[Progress], Outcome]) -> Outcome:
+    """Let a study pass over a run; where all its stages are stored, without a lock and without writing.
+
+    So a finished run can be used that others may not write to, or that someone is refining. Raises as
+    `Run.writing`.
+    """
+    told = Recording()
+    try:
+        outcome = study(told)
+    except NotStoredError:
+        with run.writing():
+            return study(progress)
+    told.replay(progress)
+    return outcome
+
+
 class Journal:
-    """Finished stages of a run that is open for writing, by name; commits what is new."""
+    """Finished stages of a run, by name; commits what is new if the run is open for writing."""
 
     def __init__(self, run: Run, progress: Progress, argv: Sequence[str], folder: Path | None) -> None:
         self.run = run
@@ -53,7 +74,9 @@ class Journal:
         self.progress.note(text)
 
     def clock(self) -> Clock:
-        """A clock for a stage that begins now."""
+        """A clock for a stage that begins now. Raises NotStoredError if its end could not be committed."""
+        if not self.run.is_writing:
+            raise NotStoredError
         return Clock(self._argv, self._folder)
 
     def store(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Protocol
 
 
@@ -35,3 +36,31 @@ class Silence:
 
     def done(self) -> None:
         """Ignore the end."""
+
+
+class Recording:
+    """Keeps what it is told, to tell it to someone else."""
+
+    def __init__(self) -> None:
+        self._told: list[Callable[[Progress], None]] = []
+
+    def stage(self, name: str, index: int, total: int, half_width: float, segments: int) -> None:
+        """Keep a stage."""
+        self._told.append(lambda to: to.stage(name, index, total, half_width, segments))
+
+    def step(self, iteration: int, energy: float, residual: float) -> None:
+        """Keep a step."""
+        self._told.append(lambda to: to.step(iteration, energy, residual))
+
+    def note(self, text: str) -> None:
+        """Keep a note."""
+        self._told.append(lambda to: to.note(text))
+
+    def done(self) -> None:
+        """Keep the end."""
+        self._told.append(lambda to: to.done())
+
+    def replay(self, to: Progress) -> None:
+        """Tell it all."""
+        for tell in self._told:
+            tell(to)

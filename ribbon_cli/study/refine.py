@@ -9,6 +9,7 @@ from typing import Literal
 from ..config import SpectrumRequest, load_config
 from ..errors import RibbonError, UsageError
 from ..store import Run, StateRecord, resolve_state
+from .journal import run_or_read
 from .outcome import Outcome, Target
 from .progress import Progress, Silence
 from .steps import Steps
@@ -39,16 +40,16 @@ def refine_state(
     if record.kind == "auxiliary":
         raise UsageError(f"{ref}: an auxiliary state, with prescribed rulings, cannot be refined")
     grids = _grids(ref, record.segments, to, levels, method)
-    with run.writing():
-        folder = run.path
-        steps = Steps(
-            run, record.half_twists, _spectrum(run), progress or Silence(), argv, folder, len(grids)
-        )
+
+    def study(watcher: Progress) -> Outcome:
+        steps = Steps(run, record.half_twists, _spectrum(run), watcher, argv, run.path, len(grids))
         try:
             targets = _refine_all(steps, record, grids, method, every=levels is not None)
         finally:
-            steps.progress.done()
+            watcher.done()
         return Outcome(run, targets, tuple(steps.journal.notes), steps.journal.new_states)
+
+    return run_or_read(run, progress or Silence(), study)
 
 
 def _refine_all(

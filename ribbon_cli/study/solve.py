@@ -18,7 +18,7 @@ from ..solver.status import Result, Status
 from ..solver.tracking import PARTS
 from ..store import Run, StateRecord
 from .given import given_state
-from .journal import checked, converged
+from .journal import checked, converged, run_or_read
 from .outcome import Outcome, Target
 from .plan import plan_of, refined_at, refinement_name, start_name, visits, width_name
 from .progress import Progress, Silence
@@ -48,12 +48,15 @@ def solve_config(
     if fresh and run.entries():
         run.set_aside()
         run = _open(config, root)
-    with run.writing():
-        study = _Study(config, run, given, progress or Silence(), argv)
+
+    def study(watcher: Progress) -> Outcome:
+        one_pass = _Study(config, run, given, watcher, argv)
         try:
-            return study.run()
+            return one_pass.run()
         finally:
-            study.steps.progress.done()
+            watcher.done()
+
+    return run_or_read(run, progress or Silence(), study)
 
 
 def _open(config: Config, root: Path) -> Run:
