@@ -118,6 +118,27 @@ def test_a_step_that_fails_is_halved_and_reported(tmp_path: Path, monkeypatch: p
     assert again.new_states == 0
 
 
+def test_twist_steps_that_fail_are_halved_and_reported(tmp_path: Path) -> None:
+    """Half a turn at once turns facets inside out; in parts it goes, and the band is the same."""
+    whole = solve_config(config(SMALL), tmp_path)
+    text = SMALL.replace("steps: 8", "steps: 1")
+    outcome = solve_config(config(text), tmp_path)
+    assert outcome.exit_code == 0
+    states = outcome.run.states(all=True)
+    twisted = [state for state in states if state["kind"] == "auxiliary"]
+    assert [state["stage"] for state in twisted] == ["twist 0.25/1", "twist 0.625/1", "twist 1/1"]
+    assert any("a step from twist 0/1 to 1 failed, halved" in event for event in twisted[0]["events"])
+    assert states[-1]["energy"] == pytest.approx(whole.run.states()[-1]["energy"], rel=1e-12)
+    assert solve_config(config(text), tmp_path).new_states == 0
+
+
+def test_a_twist_that_cannot_be_done_says_how_far_it_came(tmp_path: Path) -> None:
+    outcome = solve_config(config(SMALL.replace("segments: 20", "segments: 8")), tmp_path)
+    assert outcome.exit_code == 3
+    (failure,) = outcome.failures
+    assert failure.startswith("b = 0.3, N = 8: not reached: no step from twist 4/8 succeeds: ")
+
+
 def test_a_width_out_of_reach_is_a_failure_that_names_itself(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -1,7 +1,8 @@
 """The twist: the cylinder's seam ruling turned until the band is twisted, Koldaev (2022), 3.3.1.
 
-g_1 stays along v_3 and g_{N+1} = sin(phi) v_2 + cos(phi) v_3 turns in equal steps, (3.9)-(3.10) with the
-misprinted index N/2+1 read as N+1. Both ends are prescribed, each with its g.u = 0; while the seam is open,
+g_1 stays along v_3 and g_{N+1} = -sin(phi) v_2 + cos(phi) v_3 turns in equal steps, (3.9)-(3.10) with the
+misprinted index N/2+1 read as N+1. With + sin(phi), as (3.10) has it, the turn is left-handed; here a
+positive phi is right-handed, Lk > 0. Both ends are prescribed, each with its g.u = 0; while the seam is open,
 Tw + Wr = phi / (2 pi), and a departure by more than a quarter means that the band went through itself.
 """
 
@@ -22,9 +23,12 @@ FIRST = np.array([0.0, 0.0, 1.0])
 
 @dataclass(frozen=True)
 class TwistStage:
-    """One auxiliary problem: stage `index` of `count`, the seam turned by `angle` (signed, radians)."""
+    """One auxiliary problem: stage `index` of `count`, the seam turned by `angle` (signed, radians).
 
-    index: int
+    The index is not whole where a step that failed was halved.
+    """
+
+    index: float
     count: int
     angle: float
     prescription: Prescription
@@ -32,7 +36,7 @@ class TwistStage:
     @property
     def name(self) -> str:
         """The stage in words."""
-        return f"twist {self.index}/{self.count}"
+        return f"twist {self.index:.10g}/{self.count}"
 
     def guard(self) -> Callable[[State], str | None]:
         """Complain about states that turned by something else than `angle`."""
@@ -57,10 +61,14 @@ def twist_stages(half_twists: int, steps: int) -> Iterator[TwistStage]:
     if half_twists == 0 or steps < 1:
         raise ValueError("a twist needs at least one half-twist and one step")
     for k in range(1, steps + 1):
-        angle = math.pi * half_twists * k / steps
-        yield TwistStage(
-            k, steps, angle, Prescription({0: FIRST}, seam_ruling(angle, k == steps, half_twists))
-        )
+        yield twist_stage(half_twists, k, steps)
+
+
+def twist_stage(half_twists: int, index: float, steps: int) -> TwistStage:
+    """The auxiliary problem after `index` steps, whole or not, of so many."""
+    angle = math.pi * half_twists * index / steps
+    ruling = seam_ruling(angle, index == steps, half_twists)
+    return TwistStage(index, steps, angle, Prescription({0: FIRST}, ruling))
 
 
 def seam_ruling(angle: float, last: bool, half_twists: int) -> Array:

@@ -11,7 +11,7 @@ from ..errors import UsageError
 from ..model.band import Band, Discretisation, State
 from ..model.problem import Problem
 from ..recipes.cylinder import cylinder
-from ..recipes.twist import twist_stages
+from ..recipes.twist import TwistStage, twist_stage, twist_stages
 from ..solver.continuation import Move, to_width
 from ..solver.newton import Options, solve
 from ..solver.status import Result, Status
@@ -26,7 +26,7 @@ from .records import Clock, multipliers_of, state_of
 from .steps import Steps
 
 MOST_HALVINGS = 8
-"""A step in width is given up when 1/256 of it fails too."""
+"""A step in width, or of the twist, is given up when 1/256 of it fails too."""
 
 
 def solve_config(
@@ -133,31 +133,55 @@ class _Study:
 
     def _twist(self, ring: State) -> StateRecord | None:
         """The auxiliary problems of the twist; the last one's state, or None with `stopped` set."""
-        state, multipliers = ring, None
         record: StateRecord | None = None
+        reached = 0.0
         for stage in twist_stages(self.config.half_twists, self.config.guess.steps or 1):
-            self.steps.begin(stage.name, ring.band.half_width, ring.band.segments)
-            parent = None if record is None else record.label
-            record = self.journal.finished(stage.name)
-            if record is None:
-                clock = self.journal.clock()
-                problem = Problem(ring.band, stage.prescription)
-                options = Options(guard=stage.guard(), watch=self.steps.progress.step)
-                result = solve(problem, state.vector(), multipliers, options)
-                if result.status is not Status.MINIMUM:
-                    self._stop(f"{stage.name}: {result.message}")
+            while reached < stage.index:
+                step = self._turn(ring, record, reached, stage)
+                if step is None:
                     return None
-                record = self.steps.store(
+                record, reached = step
+        return record
+
+    def _turn(
+        self, ring: State, record: StateRecord | None, reached: float, goal: TwistStage
+    ) -> tuple[StateRecord, float] | None:
+        """Turn the seam to a stage, or as far as halving leads; with its index, or None."""
+        parts = [reached + (goal.index - reached) / 2**j for j in range(MOST_HALVINGS + 1)]
+        stages = [goal, *(twist_stage(self.config.half_twists, part, goal.count) for part in parts[1:])]
+        for stage in stages:
+            stored = self.journal.finished(stage.name)
+            if stored is not None:
+                self.steps.begin(stage.name, ring.band.half_width, ring.band.segments)
+                return stored, stage.index
+        state = ring if record is None else state_of(record)
+        multipliers = None if record is None else multipliers_of(record)
+        failures: list[str] = []
+        for stage in stages:
+            self.steps.begin(stage.name, ring.band.half_width, ring.band.segments)
+            clock = self.journal.clock()
+            problem = Problem(ring.band, stage.prescription)
+            options = Options(guard=stage.guard(), watch=self.steps.progress.step)
+            result = solve(problem, state.vector(), multipliers, options)
+            if result.status is Status.MINIMUM:
+                kept = self.steps.store(
                     problem,
                     result,
                     clock,
                     kind="auxiliary",
                     stage=stage.name,
                     method="twist, prescribed rulings",
-                    parent=parent,
+                    parent=None if record is None else record.label,
+                    events=tuple(failures),
                 )
-            state, multipliers = state_of(record), multipliers_of(record)
-        return record
+                return kept, stage.index
+            failures.append(
+                f"a step from twist {reached:.10g}/{goal.count} to {stage.index:.10g} failed, halved: "
+                f"{result.message}"
+            )
+            self.journal.note(failures[-1])
+        self._stop(f"no step from twist {reached:.10g}/{goal.count} succeeds: {result.message}")
+        return None
 
     def _free(
         self, state: State, parent: int | None, method: str, parent_ref: str | None = None
