@@ -18,9 +18,11 @@ from ribbon_cli.store import provenance as module
 def _forget(monkeypatch):
     module._process_facts.cache_clear()
     module._git.cache_clear()
+    module._code.cache_clear()
     yield
     module._process_facts.cache_clear()
     module._git.cache_clear()
+    module._code.cache_clear()
 
 
 def test_facts_of_this_process(monkeypatch, tmp_path):
@@ -71,17 +73,20 @@ def test_revision_of_the_config_s_repository(monkeypatch, tmp_path):
     monkeypatch.setenv("GIT_DIR", "/nonexistent")
     git(tmp_path, "init")
     module._git.cache_clear()
+    module._code.cache_clear()
     assert "git_revision" not in gather([], tmp_path)
     (tmp_path / "x.yaml").write_text("name: x\n")
     git(tmp_path, "add", "x.yaml")
     git(tmp_path, "commit", "-m", "x")
     module._git.cache_clear()
+    module._code.cache_clear()
     facts = gather([], tmp_path)
     assert facts["git_revision"] == git(tmp_path, "rev-parse", "HEAD")
     assert facts["git_dirty"] == 0
     (tmp_path / "x.yaml").write_text("name: y\n")
     assert gather([], tmp_path)["git_dirty"] == 0  # asked once a process
     module._git.cache_clear()
+    module._code.cache_clear()
     assert gather([], tmp_path)["git_dirty"] == 1
 
 
@@ -92,3 +97,24 @@ def test_git_may_be_missing_or_slow(monkeypatch, tmp_path, error):
 
     monkeypatch.setattr(subprocess, "run", fail)
     assert "git_revision" not in gather([], tmp_path)
+
+
+@pytest.mark.skipif(shutil.which("git") is None, reason="needs git")
+def test_the_program_has_a_revision_of_its_own(tmp_path, monkeypatch):
+    """Of the repository that tracks the program, whatever the config's; an environment in one has none."""
+    here = tmp_path / "code" / "provenance.py"
+    here.parent.mkdir()
+    here.write_text("")
+    monkeypatch.setattr(module, "__file__", str(here))
+    git = ["git", "-C", str(here.parent), "-c", "user.name=x", "-c", "user.email=x@example.org"]
+    subprocess.run([*git, "init", "-q"], check=True)
+    subprocess.run([*git, "commit", "-q", "--allow-empty", "-m", "x"], check=True)
+    assert "code_revision" not in gather([], tmp_path)
+    subprocess.run([*git, "add", "provenance.py"], check=True)
+    subprocess.run([*git, "commit", "-q", "-m", "y"], check=True)
+    done = subprocess.run([*git, "rev-parse", "HEAD"], check=True, capture_output=True, text=True)
+    module._code.cache_clear()
+    module._git.cache_clear()
+    facts = gather([], tmp_path)
+    assert (facts["code_revision"], facts["code_dirty"]) == (done.stdout.strip(), 0)
+    assert "git_revision" not in facts

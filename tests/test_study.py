@@ -265,6 +265,28 @@ def test_refinement_by_hand(tmp_path: Path) -> None:
     assert parents[smooth.targets[0].label] == label
 
 
+def test_what_is_refined_keeps_the_revision_of_its_config(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The runs may lie in another repository than the config did, or the config's may have moved on."""
+    from ribbon_cli.store import provenance
+
+    places = {"configs": "a" * 40, "runs": "b" * 40}
+    monkeypatch.setattr(
+        provenance,
+        "_git",
+        lambda folder: {
+            "git_revision": places["runs" if "runs" in folder else "configs"],
+            "git_dirty": 0,
+        },
+    )
+    (tmp_path / "configs").mkdir()
+    first = solve_config(config(SMALL, str(tmp_path / "configs" / "small.yaml")), tmp_path / "runs")
+    assert first.run.load(1).provenance["git_revision"] == places["configs"]
+    made = refine_state(tmp_path / "runs", f"{first.run.name}:{first.targets[0].label}", levels=1)
+    assert first.run.load(made.targets[0].label or 0).provenance["git_revision"] == places["configs"]
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [

@@ -27,10 +27,12 @@ def gather(argv: Sequence[str], config_folder: str | Path | None = None, **given
 
     `config_folder` is where the config lies: its repository's revision is recorded if it has one. `given` are
     facts that only the caller knows (`wall_seconds`, `cpu_seconds`, `peak_memory_bytes`, `started`). What
-    cannot be found is left out; nothing is raised. Everything but the start is found once a process.
+    cannot be found is left out; nothing is raised. Everything but the start is found once a process. The
+    program's own revision is recorded apart, where it runs from a working copy.
     """
     facts: Facts = {"argv": shlex.join(map(str, argv)), "started": utc_now()}
     facts |= _process_facts()
+    facts |= {key.replace("git_", "code_"): value for key, value in _code().items()}
     if config_folder is not None:
         facts |= _git(os.path.abspath(config_folder))
     facts |= given
@@ -89,15 +91,32 @@ def _threads() -> Facts:
     return {"blas_threads": "not set"}
 
 
+@lru_cache(maxsize=1)
+def _code() -> Facts:
+    """Revision of the working copy that this program runs from, if its repository tracks it."""
+    here = Path(__file__).resolve()
+    # An environment inside someone's repository is not part of it.
+    tracked = _run_git(str(here.parent), "ls-files", "--error-unmatch", here.name) is not None
+    return _git(str(here.parent)) if tracked else {}
+
+
 @lru_cache(maxsize=16)
 def _git(folder: str) -> Facts:
     """Revision of the repository around a folder, if any, and whether tracked files differ from it."""
+    lines = (_run_git(folder, "status", "--porcelain=v2", "--branch", "-uno") or "").splitlines()
+    revisions = [line.split()[2] for line in lines if line.startswith("# branch.oid ")]
+    if not revisions or revisions[0] == "(initial)":
+        return {}
+    return {"git_revision": revisions[0], "git_dirty": int(any(not line.startswith("#") for line in lines))}
+
+
+def _run_git(folder: str, *words: str) -> str | None:
+    """What git prints in a folder; None where it fails."""
     # The setting keeps a repository's own configuration from running a program of its choice. Inside a hook
     # the environment names the hook's repository, which need not be this one.
-    command = ["git", "-c", "core.fsmonitor=false", "status", "--porcelain=v2", "--branch", "-uno"]
     try:
         done = subprocess.run(
-            command,
+            ["git", "-c", "core.fsmonitor=false", *words],
             cwd=folder,
             capture_output=True,
             timeout=_GIT_SECONDS,
@@ -106,12 +125,8 @@ def _git(folder: str) -> Facts:
             env=_environment_without_git() | {"GIT_OPTIONAL_LOCKS": "0", "LC_ALL": "C"},
         )
     except (OSError, subprocess.SubprocessError):
-        return {}
-    lines = done.stdout.decode(errors="replace").splitlines()
-    revisions = [line.split()[2] for line in lines if line.startswith("# branch.oid ")]
-    if not revisions or revisions[0] == "(initial)":
-        return {}
-    return {"git_revision": revisions[0], "git_dirty": int(any(not line.startswith("#") for line in lines))}
+        return None
+    return done.stdout.decode(errors="replace")
 
 
 def _environment_without_git() -> dict[str, str]:

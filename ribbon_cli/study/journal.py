@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import lru_cache
-from pathlib import Path
 
 import numpy as np
 
@@ -22,7 +21,7 @@ from ..solver.status import Result, SaddleMet, Status
 from ..store import Run, StateRecord
 from .outcome import Outcome
 from .progress import Progress, Recording
-from .records import Clock, Reached, build_record, saddle_result
+from .records import Clock, Origin, Reached, build_record, saddle_result
 
 
 class NotStoredError(Exception):
@@ -48,12 +47,12 @@ def run_or_read(run: Run, progress: Progress, study: Callable[[Progress], Outcom
 class Journal:
     """Finished stages of a run, by name; commits what is new if the run is open for writing."""
 
-    def __init__(self, run: Run, progress: Progress, argv: Sequence[str], folder: Path | None) -> None:
+    def __init__(self, run: Run, progress: Progress, argv: Sequence[str], origin: Origin) -> None:
         self.run = run
         self.progress = progress
         self.notes: list[str] = []
         self.new_states = 0
-        self._argv, self._folder = argv, folder
+        self._argv, self._origin = argv, origin
         self._ends: dict[str, int] = {}
         self._saddles: dict[str, int] = {}
         for label, entry in sorted(run.entries().items()):
@@ -77,7 +76,7 @@ class Journal:
         """A clock for a stage that begins now. Raises NotStoredError if its end could not be committed."""
         if not self.run.is_writing:
             raise NotStoredError
-        return Clock(self._argv, self._folder)
+        return Clock(self._argv, self._origin)
 
     def store(
         self,

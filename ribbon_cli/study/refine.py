@@ -14,6 +14,9 @@ from .outcome import Outcome, Target
 from .progress import Progress, Silence
 from .steps import Steps
 
+CONFIG_FACTS = ("git_revision", "git_dirty")
+"""Facts on the config's repository, which are those of the state that is refined."""
+
 
 def refine_state(
     root: Path,
@@ -41,8 +44,10 @@ def refine_state(
         raise UsageError(f"{ref}: an auxiliary state, with prescribed rulings, cannot be refined")
     grids = _grids(ref, record.segments, to, levels, method)
 
+    origin = {key: value for key, value in record.provenance.items() if key in CONFIG_FACTS}
+
     def study(watcher: Progress) -> Outcome:
-        steps = Steps(run, record.half_twists, _spectrum(run), watcher, argv, run.path, len(grids))
+        steps = Steps(run, record.half_twists, _spectrum(run), watcher, argv, origin, len(grids))
         try:
             targets = _refine_all(steps, record, grids, method, every=levels is not None)
         finally:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
 from ..config import SpectrumRequest
 from ..model.folding import ClosureError
@@ -15,7 +14,7 @@ from ..solver.status import Result, Status
 from ..store import Run, StateRecord
 from .journal import Journal, checked, converged, options_for
 from .progress import Progress
-from .records import Clock, Reached, state_of
+from .records import Clock, Origin, Reached, state_of
 
 
 class Steps:
@@ -28,10 +27,10 @@ class Steps:
         spectrum: SpectrumRequest,
         progress: Progress,
         argv: Sequence[str],
-        folder: Path | None,
+        origin: Origin,
         total: int,
     ) -> None:
-        self.journal = Journal(run, progress, argv, folder)
+        self.journal = Journal(run, progress, argv, origin)
         self.half_twists = half_twists
         self.spectrum = spectrum
         self.progress = progress
