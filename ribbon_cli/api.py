@@ -26,26 +26,42 @@ def solve(
 
     `config` is a path, a `Config`, or a mapping laid out as a config file, whose `name` defaults to "config".
     `runs` is the folder of the runs, by default RIBBON_RUNS, else ./runs. Targets that were not reached are
-    in the outcome and raise nothing; ConfigError, StoreError and LockedError are raised.
+    in the outcome and raise nothing; ConfigError, StoreError and LockedError are raised, and TypeError for
+    arguments of other types.
     """
     from ribbon_cli.store import runs_root
     from ribbon_cli.study import solve_config
 
-    root = runs_root(None if runs is None else os.fspath(runs))
+    root = runs_root(_runs(runs))
     return solve_config(_config(config), root, fresh=fresh, argv=sys.argv)
 
 
 def _config(source: str | os.PathLike[str] | Mapping[str, Any] | Config) -> Config:
-    """The config that a user hands over. Raises ConfigError."""
-    from ribbon_cli.config import load_config, parse_config
+    """The config that a user hands over. Raises ConfigError, TypeError."""
+    from ribbon_cli.config import Config, load_config, parse_config
 
     if isinstance(source, str | os.PathLike):
-        return load_config(source)
+        return load_config(_path("config", source))
     if isinstance(source, Mapping):
         import yaml
 
         return parse_config(yaml.safe_dump(_plain(source), sort_keys=False), "config")
+    if not isinstance(source, Config):
+        raise TypeError(f"config must be a path, a mapping or a Config, got {type(source).__name__}")
     return source
+
+
+def _path(name: str, value: object) -> str:
+    """An argument as text. Raises TypeError, naming it."""
+    text = os.fspath(value) if isinstance(value, os.PathLike) else value
+    if not isinstance(text, str):
+        raise TypeError(f"{name} must be text or a path, got {type(value).__name__}")
+    return text
+
+
+def _runs(runs: object) -> str | None:
+    """The folder of the runs as given. Raises TypeError."""
+    return None if runs is None else _path("runs", runs)
 
 
 def _plain(value: Any) -> Any:
@@ -62,7 +78,8 @@ def _plain(value: Any) -> Any:
 def load_state(ref: str | os.PathLike[str], runs: str | os.PathLike[str] | None = None) -> StateRecord:
     """Read the state that `ref` names: RUN:LABEL, RUN@b=0.5,N=400, or the path of its HDF5 file.
 
-    Raises UsageError when it names none, StoreError when the file is damaged.
+    Raises UsageError when it names none, StoreError when the file is damaged, TypeError where `ref` or `runs`
+    is neither text nor a path.
     """
     return open_state(ref, runs)[1]
 
@@ -73,8 +90,7 @@ def open_state(
     """Read a state as `load_state` does; return its run (None outside of one) and its file as well."""
     from ribbon_cli.store import decode, resolve_state, runs_root
 
-    root = runs_root(None if runs is None else os.fspath(runs))
-    run, label, path = resolve_state(root, os.fspath(ref))
+    run, label, path = resolve_state(runs_root(_runs(runs)), _path("ref", ref))
     if path.suffix == ".npz":
         raise UsageError(f"{path}: an npz file holds no certificate or provenance: name the state it is from")
     if run is None or label is None:

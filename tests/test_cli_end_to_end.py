@@ -204,3 +204,15 @@ def test_the_python_interface_names_what_there_is():
         _ = ribbon_cli.solv
     with pytest.raises(ribbon_cli.RibbonError, match=r"config:1:\d+: widht: unknown key"):
         solve({"widht": 1})
+
+
+@pytest.mark.parametrize("wrong", [5, None, b"ring.yaml", ["ring.yaml"]])
+def test_arguments_of_other_types_are_named(wrong, tmp_path):
+    for call, name in (
+        (lambda: solve(wrong, runs=tmp_path), "config"),
+        (lambda: load_state(wrong, runs=tmp_path), "ref"),
+        (lambda: load_state("ring:1", runs=wrong or 5), "runs"),
+    ):
+        with pytest.raises(TypeError, match=rf"^{name} must be .*, got \w+$"):
+            call()
+    assert not any(tmp_path.iterdir())

@@ -109,6 +109,17 @@ def test_quiet_leaves_errors_and_data(scripted):
     assert result.stdout.splitlines()[1].split()[:5] == ["0.8", "50", "-", "-", "not"]
 
 
+def test_targets_missed_for_one_reason_share_a_line(scripted):
+    why = "not reached: the branch seems to turn back (fold) near b = 0.6"
+    places = ("b = 0.7, N = 50", "b = 0.7, N = 100", "b = 0.8, N = 50")
+    other = "b = 0.5, N = 100: Converged to a saddle."
+    scripted(MISSED, failures=(other, *(f"{place}: {why}" for place in places)))
+    for command in ("solve", "convergence-table"):
+        result = ribbon(command, "mobius.yaml", "-q")
+        assert result.exit_code == 3
+        assert result.stderr.splitlines() == [f"ribbon: {other}", f"ribbon: {'; '.join(places)}: {why}"]
+
+
 def test_progress_goes_to_standard_error(scripted):
     def act(progress: Any) -> None:
         progress.stage("b = 0.5", 1, 1, 0.5, 50)

@@ -112,6 +112,29 @@ def test_states_whose_files_are_not_there_have_no_certificate(folder, word):
     assert f"states/0003.h5: {word}" in table.stderr
 
 
+def test_auxiliary_minima_are_told_from_equilibria(folder):
+    other = make_run(folder / "runs", 0, "twisting")
+    with other.writing():
+        other.commit(make_record(1, kind="auxiliary"))
+        other.commit(make_record(2))
+    lines = ribbon("ls", "twisting", "--all").stdout.splitlines()
+    assert ["minimum of the auxiliary problem" in line for line in lines[1:]] == [True, False]
+    assert "minimum of the auxiliary problem" in ribbon("show", "twisting:1").stdout
+    assert ribbon_json("show", "twisting:1")["status"] == "minimum"
+    assert "auxiliary" not in ribbon("show", "twisting:2").stdout
+
+
+def test_the_history_of_a_run_is_in_words(folder):
+    other = make_run(folder / "runs", 1, "old")
+    (folder / "runs/old-0123abcd/states/0002.h5").write_bytes(b"no state")
+    other.sweep()
+    page = ribbon("show", "old").stdout
+    assert "{" not in page
+    assert "created" in page
+    assert "recovered: renamed 0002.h5 to 0002.h5.damaged-1" in page
+    assert [event["event"] for event in ribbon_json("show", "old")["history"]] == ["created", "recovered"]
+
+
 def test_empty_listings_say_so(folder, tmp_path):
     result = ribbon("ls", "twin")
     assert (result.exit_code, result.stdout) == (0, "")

@@ -132,6 +132,13 @@ def test_twist_steps_that_fail_are_halved_and_reported(tmp_path: Path) -> None:
     assert solve_config(config(text), tmp_path).new_states == 0
 
 
+def test_the_minimum_of_an_auxiliary_problem_is_called_that(tmp_path: Path) -> None:
+    run = solve_config(config(SMALL), tmp_path).run
+    kinds = {state["kind"]: state["message"] for state in run.states(all=True)}
+    assert kinds["auxiliary"].startswith("Converged to a minimum of the auxiliary problem")
+    assert "auxiliary" not in kinds["equilibrium"]
+
+
 def test_a_twist_that_cannot_be_done_says_how_far_it_came(tmp_path: Path) -> None:
     outcome = solve_config(config(SMALL.replace("segments: 20", "segments: 8")), tmp_path)
     assert outcome.exit_code == 3

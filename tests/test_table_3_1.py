@@ -45,7 +45,9 @@ def test_the_thesis_is_reproduced(table: Outcome) -> None:
     assert len(compared) == 18
     off = [row for row in compared if abs(row.relative_difference) > 5e-4]
     assert [(row.half_width, row.segments) for row in off] == [(0.1, 50)]
-    assert sum(row.agrees for row in compared) >= 16
+    # Another minimum at N = 50, and the saddle beside the minimum at N = 400: docs/errata.md.
+    unlike = [(row.half_width, row.segments) for row in compared if not row.agrees]
+    assert unlike == [(0.1, 50), (0.8, 200)]
     assert off[0].delta == pytest.approx(0.00460148, abs=5e-9)
 
 

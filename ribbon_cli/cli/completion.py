@@ -10,6 +10,8 @@ from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     import click
     from click.shell_completion import CompletionItem
 
@@ -110,12 +112,18 @@ def _candidates(find: Callable[[click.Context, str], Iterator[str]], kind: str =
     return complete
 
 
+def _root(ctx: click.Context) -> Path:
+    """Folder of the runs, by the options typed so far: those that `settings` keeps, which imports this."""
+    from ribbon_cli.store import runs_root
+
+    return runs_root(getattr(ctx.obj, "runs", None))
+
+
 def _runs(ctx: click.Context) -> list[tuple[str, Run]]:
     """The runs, each under its short name where that names no other run."""
-    from ribbon_cli.cli.settings import Settings
     from ribbon_cli.store import list_runs
 
-    runs = list_runs(ctx.ensure_object(Settings).root)
+    runs = list_runs(_root(ctx))
     names = [run.short_name for run in runs]
     return [(run.short_name if names.count(run.short_name) == 1 else run.name, run) for run in runs]
 
@@ -138,10 +146,9 @@ def _references(ctx: click.Context, incomplete: str) -> Iterator[str]:
 
 def _named(ctx: click.Context, typed: str) -> list[tuple[str, Run]]:
     """The run that a finished name stands for, as users may type it. Raises UsageError."""
-    from ribbon_cli.cli.settings import Settings
     from ribbon_cli.store import find_run
 
-    return [(typed, find_run(ctx.ensure_object(Settings).root, typed))]
+    return [(typed, find_run(_root(ctx), typed))]
 
 
 def _states(name: str, run: Run, mark: str) -> Iterator[str]:

@@ -56,12 +56,19 @@ def _figures(state: State) -> list[str]:
     """Energy, status, linking number, residuals and certificate of a state."""
     return [
         number(state["energy"], ".9f"),
-        state["status"],
+        status_in_words(state),
         _linking_number(state["linking_number"]),
         number(state["kkt_residual"], ".1e"),
         number(state["constraint_residual"], ".1e"),
         "yes" if state["certified"] else "no",
     ]
+
+
+def status_in_words(state: State) -> str:
+    """A state's status; of an auxiliary one with whose minimum it is."""
+    if (state["kind"], state["status"]) == ("auxiliary", "minimum"):
+        return "minimum of the auxiliary problem"
+    return str(state["status"])
 
 
 def _linking_number(value: float | None) -> str:
@@ -142,6 +149,28 @@ def _plain(value: Any) -> str:
     if isinstance(value, list | tuple):
         return "; ".join(map(_plain, value)) or "none"
     return str(value)
+
+
+def history_lines(events: Iterable[Mapping[str, Any]]) -> dict[str, str]:
+    """What the log tells apart from states, by time: the event, and what it says in words."""
+    lines: dict[str, str] = {}
+    for event in events:
+        notes = event.get("notes")
+        more = ": " + "; ".join(map(str, notes)) if isinstance(notes, list) and notes else ""
+        label = f" {event['label']}" if "label" in event else ""
+        lines[str(event["time"])] = "; ".join(
+            filter(None, [lines.get(str(event["time"])), f"{event['event']}{label}{more}"])
+        )
+    return lines
+
+
+def gathered(failures: Iterable[str]) -> list[str]:
+    """Failures with those of one cause on one line: `b = 0.5, N = 50; b = 0.5, N = 100: not reached: ...`."""
+    places: dict[str, list[str]] = {}
+    for failure in failures:
+        place, _, cause = failure.partition(": ")
+        places.setdefault(cause, []).append(place)
+    return [f"{'; '.join(group)}: {cause}" if cause else group[0] for cause, group in places.items()]
 
 
 def plan_table(stages: Sequence[PlannedStage], whole: bool) -> str:

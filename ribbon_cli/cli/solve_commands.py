@@ -91,7 +91,7 @@ def report(settings: Settings, outcome: Outcome) -> int:
 
     The outcome's notes have been shown as they came up; only JSON repeats them.
     """
-    from ribbon_cli.cli.render import targets_table
+    from ribbon_cli.cli.render import gathered, targets_table
 
     states = {state["label"]: state for state in outcome.run.states(all=True)}
     if settings.json:
@@ -112,6 +112,6 @@ def report(settings: Settings, outcome: Outcome) -> int:
         emit(targets_table(outcome.targets, states))
     new = f"{outcome.new_states} new state{'s' * (outcome.new_states != 1)}"
     say(settings, f"{outcome.run.path}: {new}; `ribbon ls {outcome.run.short_name}` lists the run")
-    for failure in outcome.failures:
+    for failure in gathered(outcome.failures):
         complain(f"ribbon: {failure}")
     return outcome.exit_code

@@ -108,10 +108,15 @@ def show(settings: Settings, ref: str) -> None:
 
     Of a state all but its arrays, provenance included; of a run its config and history.
     """
-    from ribbon_cli.cli.render import listing
+    from ribbon_cli.cli.render import history_lines, listing, status_in_words
 
-    document = _show_state(settings, ref) if _names_state(ref) else _show_run(settings, ref)
-    emit_json(document) if settings.json else emit(listing(document))
+    if _names_state(ref):
+        document = _show_state(settings, ref)
+        words: dict[str, Any] = {"status": status_in_words(document)}
+    else:
+        document = _show_run(settings, ref)
+        words = {"history": history_lines(document["history"])}
+    emit_json(document) if settings.json else emit(listing({**document, **words}))
 
 
 def _names_state(ref: str) -> bool:

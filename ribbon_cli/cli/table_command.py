@@ -50,6 +50,8 @@ def convergence_table(
     Of a CONFIG, what is missing is solved first. Of both, an energy without certificate is named on standard
     error, and the exit code is 3.
     """
+    from ribbon_cli.cli.render import gathered
+
     style = _style(settings, style)
     if second_minimum and not thesis:
         raise UsageError("--second-minimum needs --thesis")
@@ -60,7 +62,7 @@ def convergence_table(
     table = _table(run, outcome)
     comparison = _comparison(settings, run, table, other) if thesis else ()
     _write(settings, table, comparison, style, output)
-    failures = [*(outcome.failures if outcome else ()), *_uncertified(run, table, outcome)]
+    failures = [*gathered(outcome.failures if outcome else ()), *_uncertified(run, table, outcome)]
     for failure in failures:
         complain(f"ribbon: {failure}")
     return TargetError.exit_code if failures else 0

@@ -105,8 +105,10 @@ class State:
 class Multipliers:
     """Discrete reaction forces in the normalisation of Koldaev (2022), (1.58): |u|^2 - 1.
 
-    lambda_1..lambda_5 (N,) approximate the continuous fields; lambda_1, lambda_4, lambda_5 sit at
-    facets and lambda_2, lambda_3 at nodes, (2.48). gamma (3,) is the closure force.
+    lambda_1..lambda_5 (N,) approximate the continuous fields, to second order in h but for lambda_3: with
+    g_i.u_i in the second row, as (2.18) has it, lambda_3 does so to first and lambda_3 - h lambda_2 eta to
+    second order. lambda_1, lambda_4, lambda_5 sit at facets and lambda_2, lambda_3 at nodes, (2.48).
+    gamma (3,) is the closure force.
     """
 
     lambda_1: Array

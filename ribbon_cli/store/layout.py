@@ -125,7 +125,8 @@ STATE = _items((
     ("/multipliers/lambda_2", "float64", "N", "", "(1.58)",
      "multiplier of |g_i|^2 - (g_i.u_i)^2 - 1, at nodes"),
     ("/multipliers/lambda_3", "float64", "N", "", "(1.58)",
-     "multiplier of d''.g, discretely (u_i - u_{i-1}).g_i / h, at nodes"),
+     "multiplier of d''.g, discretely (u_i - u_{i-1}).g_i / h, at nodes; "
+     "lambda_3 - h lambda_2 eta is the field to order 2"),
     ("/multipliers/lambda_4", "float64", "N", "", "(1.58)",
      "multiplier of (d' x g).g', discretely (u_i x g_i).g_{i+1} / h, at facets"),
     ("/multipliers/lambda_5", "float64", "N", "", "(1.58)",

@@ -97,7 +97,7 @@ def build_record(label: int, reached: Reached, clock: Clock, spectrum: SpectrumR
         label=label,
         kind=reached.kind,
         status=result.status.value,
-        message=result.message,
+        message=_sentence(result, reached.kind),
         certified=result.certified,
         half_width=band.half_width,
         length=band.length,
@@ -140,6 +140,13 @@ def build_record(label: int, reached: Reached, clock: Clock, spectrum: SpectrumR
         events=(*reached.events, *remarks),
         provenance=clock.facts(),
     )
+
+
+def _sentence(result: Result, kind: str) -> str:
+    """The result in words; of an auxiliary problem with whose minimum it is."""
+    if kind == "auxiliary" and result.status is Status.MINIMUM:
+        return "Converged to a minimum of the auxiliary problem, with its prescribed rulings held."
+    return result.message
 
 
 def _topology(problem: Problem, state: State) -> tuple[float, float, float]:
