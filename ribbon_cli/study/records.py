@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from ..config import SpectrumRequest
-from ..model.band import Array, Band, Discretisation, State
+from ..model.band import Array, Band, Discretisation, Multipliers, State
 from ..model.contact import self_contact
 from ..model.geometry import geometry
 from ..model.problem import Problem
@@ -206,4 +206,4 @@ def state_of(record: StateRecord) -> State:
 def multipliers_of(record: StateRecord) -> Array:
     """The multipliers (5N+3,) of a record."""
     fields = (record.lambda_1, record.lambda_2, record.lambda_3, record.lambda_4, record.lambda_5)
-    return np.concatenate((np.column_stack(fields).ravel(), record.gamma))
+    return Multipliers(*fields, record.gamma).vector()
