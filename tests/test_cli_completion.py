@@ -66,7 +66,7 @@ RUNS = ["mobius", "ring-a", "twin-00000001", "twin-00000002"]
         (["convergence-table", "x", "--format", "m"], ["markdown"]),
         (["convergence-table", "x", "--second-minimum", "mobius:3"], ["mobius:3"]),
         (["refine", "mobius:3", "--method", "s"], ["smooth", "split"]),
-        (["init", "mob"], ["mobius-pi", "mobius-pi-left"]),
+        (["init", "mob"], ["mobius-3pi", "mobius-pi", "mobius-pi-left"]),
         (["check", ""], ["<file>"]),
         (["ls", "--runs", ""], ["<dir>"]),
         (["--runs", "nowhere", "ls", ""], []),

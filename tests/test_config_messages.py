@@ -14,6 +14,15 @@ from ribbon_cli.config import (
 )
 from ribbon_cli.errors import UsageError
 
+
+def schoenke(half_twists: int, segments: int, half_width: float) -> str:
+    """GOOD with the n-inflection construction in the place of the twist."""
+    return changed("half_twists: 1", f"half_twists: {half_twists}").replace(
+        "{recipe: twist, segments: 50, half_width: 0.1, steps: 50}",
+        f"{{recipe: schoenke, segments: {segments}, half_width: {half_width}}}",
+    )
+
+
 # ---- broken configs: one clear message each
 
 
@@ -37,22 +46,39 @@ from ribbon_cli.errors import UsageError
         (changed("0.2, 0.5,", "0.2, -0.5,"), "mobius.yaml:6:20: widths[2]: must be > 0, got -0.5"),
         (
             changed("recipe: twist", "recipe: twits"),
-            "mobius.yaml:5:25: initial_guess.recipe: must be cylinder or twist, "
+            "mobius.yaml:5:25: initial_guess.recipe: must be cylinder, twist, eversion or schoenke, "
             "got twits, did you mean twist?",
         ),
         (
             changed("recipe: twist", "recipe: eversion"),
-            "mobius.yaml:5:25: initial_guess.recipe: must be cylinder or twist, got eversion",
+            "mobius.yaml:5:25: initial_guess.recipe: eversion does not fit the topology: "
+            "needs half_twists 0, got 1; take twist",
+        ),
+        (
+            changed("half_twists: 1", "half_twists: 0")
+            .replace("recipe: twist, segments: 50", "recipe: eversion, segments: 51")
+            .replace("[50, 100, 200, 400]", "[51, 102]"),
+            "mobius.yaml:5:45: initial_guess.segments: must be even for the recipe eversion, got 51",
         ),
         (
             changed("half_twists: 1", "half_twists: 0"),
             "mobius.yaml:5:25: initial_guess.recipe: twist does not fit the topology: "
-            "needs half_twists 1 or -1, got 0; take cylinder",
+            "needs half_twists other than 0, got 0; take cylinder or eversion",
         ),
         (
-            changed("half_twists: 1", "half_twists: 3"),
-            "mobius.yaml:5:25: initial_guess.recipe: twist does not fit the topology: "
-            "needs half_twists 1 or -1, got 3; start from a state: {state: ...}",
+            schoenke(2, 50, 0.1),
+            "mobius.yaml:5:25: initial_guess.recipe: schoenke does not fit the topology: "
+            "needs half_twists 3 or more, or -3 or less, got 2; take twist",
+        ),
+        (
+            schoenke(7, 50, 0.1),
+            "mobius.yaml:5:45: initial_guess.segments: "
+            "must be at least 56 for schoenke with 7 half-twists, got 50",
+        ),
+        (
+            schoenke(-5, 50, 0.46),
+            "mobius.yaml:5:61: initial_guess.half_width: must be less than 0.4565, "
+            "where the rulings of schoenke with 5 half-twists meet, got 0.46",
         ),
         ("", "mobius.yaml:1:1: the file holds no settings; `ribbon init` writes a config to start from"),
         (
@@ -148,7 +174,7 @@ from ribbon_cli.errors import UsageError
         (
             changed("recipe: twist, ", ""),
             "mobius.yaml:5:16: initial_guess.recipe: is missing: "
-            "give cylinder or twist, or start from a state: {state: ...}",
+            "give cylinder, twist, eversion, schoenke, or start from a state: {state: ...}",
         ),
         (
             changed("half_width: 0.1", "half_width: 7"),
@@ -331,7 +357,7 @@ def test_all_problems_at_once_in_the_order_of_the_file() -> None:
         f"mobius.yaml:2:21: widths[2]: {number} (not made of numbers, pi, + - * / and parentheses)",
         "mobius.yaml:3:1: lenght: unknown key: did you mean length?",
         "mobius.yaml:5:25: initial_guess.recipe: twist does not fit the topology: "
-        "needs half_twists 1 or -1, got 0; take cylinder",
+        "needs half_twists other than 0, got 0; take cylinder or eversion",
         "mobius.yaml:5:42: initial_guess.segments: must be an integer from 8 to 100000, got 4",
         "mobius.yaml:6:18: refinement[1]: must be 100, twice the level before, got 90",
         "mobius.yaml:7:19: anchors (&a) are not accepted: remove it",

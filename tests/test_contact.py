@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from ribbon_cli.model import folding
+from ribbon_cli.model.band import Band
 from ribbon_cli.model.contact import Contact, least_gap, self_contact
 
 Array = NDArray[np.float64]
@@ -240,6 +242,39 @@ def test_random_strips_meet_and_miss() -> None:
     """What the comparison above rests on: both outcomes are among its cases."""
     found = {self_contact(*random_strip(64, seed), 0.15, math.tau / 64).contact for seed in range(8)}
     assert found == {True, False}
+
+
+def test_random_closed_bands_against_all_pairs() -> None:
+    """200 closed bands of 60 facets, one-sided and two-sided: the same pairs, the same clearances."""
+    n, rng = 60, np.random.default_rng(2022)
+    meet = miss = number = 0
+    while meet + miss < 200:
+        number += 1
+        band, folds = random_closed_band(n, 1 if number % 2 else -1, rng)
+        try:
+            closed = folding.close(folds, band.sigma, steps=25)
+            state = folding.to_state(band, closed)
+        except folding.ClosureError:
+            continue
+        arguments = state.u, state.g, band.sigma * state.g[0], band.half_width, band.h
+        found = self_contact(*arguments)
+        assert_same(found, compare_all_pairs(*arguments), 1e-11)
+        meet, miss = meet + found.contact, miss + (not found.contact)
+    assert min(meet, miss) >= 60
+
+
+def random_closed_band(n: int, sigma: int, rng: np.random.Generator) -> tuple[Band, folding.Folding]:
+    """Random smooth folds about those of a ring (or, one-sided, of none), not closed yet."""
+    modes = np.arange(1, 6) - (0.0 if sigma > 0 else 0.5)
+    angles = math.tau * np.outer(modes, (np.arange(n) + 0.5) / n)
+
+    def field(size: float) -> Array:
+        a, b = rng.normal(size=(2, 5)) / modes
+        return np.asarray(size * (a @ np.cos(angles) + b @ np.sin(angles)))
+
+    theta = math.tau / n * ((1.0 if sigma > 0 else 0.0) + field(0.9))
+    eta = field(0.35)
+    return Band(n, float(rng.choice([0.1, 0.3, 0.5, 0.8])), sigma=sigma), folding.Folding(theta, eta)
 
 
 @pytest.mark.parametrize("bend", [0.0, 3.0, 30.0])

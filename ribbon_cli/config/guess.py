@@ -38,7 +38,7 @@ def _recipe(
     name = given["recipe"].text if "recipe" in given and given["recipe"].text in RECIPES else ""
     recipes = [RECIPES[name]] if name else list(RECIPES.values())
     settings = {key: setting for recipe in recipes for key, setting in recipe.settings.items()}
-    required = {"recipe": f"{' or '.join(RECIPES)}, or start from a state: {{state: ...}}"}
+    required = {"recipe": f"{', '.join(RECIPES)}, or start from a state: {{state: ...}}"}
     if name:
         required |= {key: setting.expected for key, setting in settings.items() if setting.default is None}
     refused = {"state": "cannot stand beside a recipe: keep one of the two"}
@@ -53,18 +53,49 @@ def _recipe(
             values[key] = setting.default
             if key in found:
                 values[key] = reader.integer(found[key], field, setting.low, setting.high)
+                if setting.even and (values[key] or 0) % 2:
+                    reader.report(found[key], field, f"must be even for the recipe {name}, got {values[key]}")
         elif key in found:
             half_width = reader.positive(found[key], field, limit)
-    if "recipe" in found:
-        _check_recipe(reader, found["recipe"], half_twists)
+    if "recipe" in found and _check_recipe(reader, found["recipe"], half_twists) and half_twists is not None:
+        _check_size(reader, found, name, half_twists, values.get("segments"), half_width, limit)
     return Guess(name, values.get("segments"), half_width, values.get("steps"))
 
 
-def _check_recipe(reader: Reader, node: Node, half_twists: int | None) -> None:
+def _check_recipe(reader: Reader, node: Node, half_twists: int | None) -> bool:
+    """Whether there is such a recipe and it fits the topology, as far as that is known."""
     name = reader.word(node, "initial_guess.recipe", RECIPES)
     misfit = topology_problem(name, half_twists) if name and half_twists is not None else None
     if misfit:
         reader.report(node, "initial_guess.recipe", misfit)
+    return name is not None and misfit is None
+
+
+def _check_size(
+    reader: Reader,
+    found: dict[str, Node],
+    name: str,
+    half_twists: int,
+    segments: int | None,
+    half_width: float | None,
+    length: Limit | None,
+) -> None:
+    """Report a mesh too coarse, or a band too wide, for so many half-twists."""
+    recipe, bands = RECIPES[name], f"{name} with {abs(half_twists)} half-twists"
+    if segments is not None and segments < recipe.fewest(half_twists):
+        reader.report(
+            found["segments"],
+            "initial_guess.segments",
+            f"must be at least {recipe.fewest(half_twists)} for {bands}, got {segments}",
+        )
+    if half_width is not None and length is not None:
+        widest = recipe.widest(half_twists) * length[0]
+        if half_width >= widest:
+            reader.report(
+                found["half_width"],
+                "initial_guess.half_width",
+                f"must be less than {widest:.6g}, where the rulings of {bands} meet, got {half_width:g}",
+            )
 
 
 def _state(reader: Reader, node: Node, given: list[str], folder: str) -> Guess:

@@ -5,22 +5,24 @@ A new recipe is a new row of `RECIPES` (and a field of `Guess` for each key that
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
 class Count:
-    """An integer setting from `low` to `high`; required where `default` is None."""
+    """An integer setting from `low` to `high`, even where `even`; required where `default` is None."""
 
     low: int
     high: int
     default: int | None = None
+    even: bool = False
 
     @property
     def expected(self) -> str:
         """What to give, in words."""
-        return f"an integer from {self.low} to {self.high}"
+        return f"an {'even ' if self.even else ''}integer from {self.low} to {self.high}"
 
 
 @dataclass(frozen=True)
@@ -34,22 +36,42 @@ class HalfWidth:
 Setting = Count | HalfWidth
 
 
+SEGMENTS = Count(8, 100_000)
+
+
 @dataclass(frozen=True)
 class Recipe:
-    """The settings of one recipe, and the half-twists it can make: `fits`, in words `half_twists`."""
+    """The settings of one recipe, and the half-twists it can make: `fits`, in words `half_twists`.
+
+    For n of them it needs at least `fewest(n)` segments, and a half-width below `widest(n)` times the length.
+    """
 
     settings: dict[str, Setting]
     fits: Callable[[int], bool]
     half_twists: str
+    fewest: Callable[[int], int] = lambda _: SEGMENTS.low
+    widest: Callable[[int], float] = lambda _: 1.0
 
 
-SEGMENTS = Count(8, 100_000)
-_STEPS = Count(1, 10_000, default=50)
-_MESH: dict[str, Setting] = {"segments": SEGMENTS, "half_width": HalfWidth()}
+_EVEN = Count(SEGMENTS.low, SEGMENTS.high, even=True)
+_WIDTH = HalfWidth()
+_MESH: dict[str, Setting] = {"segments": SEGMENTS, "half_width": _WIDTH}
 
 RECIPES: dict[str, Recipe] = {
     "cylinder": Recipe(_MESH, lambda n: n == 0, "0"),
-    "twist": Recipe({**_MESH, "steps": _STEPS}, lambda n: n in (1, -1), "1 or -1"),
+    "twist": Recipe({**_MESH, "steps": Count(1, 10_000, default=50)}, lambda n: n != 0, "other than 0"),
+    "eversion": Recipe(
+        {"segments": _EVEN, "half_width": _WIDTH, "steps": Count(1, 10_000, default=25)},
+        lambda n: n == 0,
+        "0",
+    ),
+    "schoenke": Recipe(
+        _MESH,
+        lambda n: abs(n) >= 3,
+        "3 or more, or -3 or less",
+        lambda n: 8 * abs(n),
+        lambda n: math.tan(math.pi / abs(n)) / (2 * abs(n)),  # recipes.schoenke.widest
+    ),
 }
 
 

@@ -17,8 +17,8 @@ class Guess:
     """Where the first state comes from: a recipe, or (`recipe` "state") a stored state.
 
     `segments` N and `half_width` b are None with a state, which brings its own. `steps` is the number of
-    twist stages, None for other recipes. `state` is what to open, a reference or an absolute path;
-    `state_as_written` is what the config says.
+    auxiliary problems of a twist or an eversion, None for other recipes. `state` is what to open, a reference
+    or an absolute path; `state_as_written` is what the config says.
     """
 
     recipe: str

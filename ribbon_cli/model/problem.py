@@ -150,7 +150,11 @@ class Problem:
 
     def energy(self, x: Array) -> float:
         """Q_h, not divided by pi b."""
-        return float(energy_terms(self.band, self._local(x)).sum())
+        return float(self.energy_terms(x).sum())
+
+    def energy_terms(self, x: Array) -> Array:
+        """The nodes' parts (N,) of Q_h."""
+        return energy_terms(self.band, self._local(x))
 
     def constraints(self, x: Array) -> Array:
         """Constraint values (5N+3,) as written in (2.19), node by node, sum u last."""

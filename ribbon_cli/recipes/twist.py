@@ -4,6 +4,11 @@ g_1 stays along v_3 and g_{N+1} = -sin(phi) v_2 + cos(phi) v_3 turns in equal st
 misprinted index N/2+1 read as N+1. With + sin(phi), as (3.10) has it, the turn is left-handed; here a
 positive phi is right-handed, Lk > 0. Both ends are prescribed, each with its g.u = 0; while the seam is open,
 Tw + Wr = phi / (2 pi), and a departure by more than a quarter means that the band went through itself.
+
+Beyond phi = pi there is a second way out. At pi the end rulings are antiparallel and the band may turn freely
+about v_3; a little further its energy is least with its tangents at the seam along -v_1, seen from where the
+angle is 2 pi - phi. Turning on then untwists it, and a twist by 3 pi ends as the band of -pi. The guard holds
+u_1.v_1 > 0 against this.
 """
 
 from __future__ import annotations
@@ -19,6 +24,7 @@ from ..model.problem import Prescription
 from ..model.topology import open_turn
 
 FIRST = np.array([0.0, 0.0, 1.0])
+TURNED_OVER = "(Beyond half a turn it turns over at the seam, and turned on it would untwist to another Lk.)"
 
 
 @dataclass(frozen=True)
@@ -38,10 +44,17 @@ class TwistStage:
         """The stage in words."""
         return f"twist {self.index:.10g}/{self.count}"
 
+    @property
+    def beyond_half_a_turn(self) -> bool:
+        """Whether the seam is turned by more than pi, where turning over is the way down."""
+        return abs(self.angle) > math.pi
+
     def guard(self) -> Callable[[State], str | None]:
         """Complain about states that turned by something else than `angle`."""
 
         def check(state: State) -> str | None:
+            if self.beyond_half_a_turn and state.u[0, 0] <= 0.0:
+                return TURNED_OVER
             try:
                 turn = open_turn(state.u, state.g, state.band.h)
             except ValueError:

@@ -20,6 +20,8 @@ class Status(Enum):
     NOT_FINITE = "not-finite"
     UNDECIDED = "undecided"
     LEFT_BRANCH = "left-branch"
+    CONSTRUCTED = "constructed"
+    OTHER_SHAPE = "other-shape"
 
     @property
     def sentence(self) -> str:
@@ -37,6 +39,8 @@ _SENTENCES = {
     Status.NOT_FINITE: "The energy or its derivatives are not finite.",
     Status.UNDECIDED: "Converged, but whether it is a minimum could not be decided.",
     Status.LEFT_BRANCH: "Converged, but not on the branch that the step began on.",
+    Status.CONSTRUCTED: "Made by folding, cutting, turning or joining, and not solved for.",
+    Status.OTHER_SHAPE: "Converged to a shape of the same linking number that is not the one asked for.",
 }
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 FORMAT = "ribbon-state"
-FORMAT_VERSION = "1.0"
+FORMAT_VERSION = "1.1"
 """major.minor: readers refuse a newer major, and skip what a newer minor adds."""
 
 Dtype = Literal["float64", "int64", "bool", "utf-8"]
@@ -120,6 +120,11 @@ STATE = _items((
      "xi_i of facet i with tanh xi_i = (b/h) u_i.(g_{i+1} - g_i)"),
     ("/state/g_end", "float64", "3", "", "(2.2)",
      "ruling g_{N+1}: sigma g_1 when the seam is closed, prescribed while it is open"),
+    ("/state/cut_node", "int64", "", "o", "",
+     "node, from 1, at which a band that is open at its seam is cut once more: facets from there on are a "
+     "second piece, placed as `midline` says; absent: none"),
+    ("/state/g_cut", "float64", "3", "o", "",
+     "ruling at which the first piece of a cut band ends; absent: none"),
     ("/multipliers/lambda_1", "float64", "N", "", "(1.58)",
      "multiplier of |u_i|^2 - 1, at facets"),
     ("/multipliers/lambda_2", "float64", "N", "", "(1.58)",

@@ -67,7 +67,8 @@ class StateRecord:
     """One stored state with everything that is known of it; see docs/format.md for every field.
 
     `label` counts 1, 2, 3, ... in the order stored. `g_end` (3,) is the ruling g_{N+1}: sigma g_1 when the
-    seam is closed, prescribed while it is open. `spectra` are kept in the order of their metrics' names.
+    seam is closed, prescribed while it is open. `cut_node` and `g_cut` (3,) belong to bands in two
+    pieces alone. `spectra` are kept in the order of their metrics' names.
     `provenance` says which program made the state, where and when; it is no part of the scientific content.
     Raises ValueError for an unknown kind, a label below 1 or two spectra in one metric.
     """
@@ -110,6 +111,8 @@ class StateRecord:
     tau: Array
     eta: Array
     eta_prime: Array
+    cut_node: int | None = None
+    g_cut: Array | None = None
     spectra: tuple[SpectrumRecord, ...] = ()
     parent: int | None = None
     parent_ref: str | None = None
@@ -129,3 +132,5 @@ class StateRecord:
         object.__setattr__(self, "spectra", spectra)
         object.__setattr__(self, "events", tuple(str(event) for event in self.events))
         _to_float64(self, _UNKNOWNS + _MULTIPLIERS + _GEOMETRY)
+        if self.g_cut is not None:
+            _to_float64(self, ("g_cut",))

@@ -6,9 +6,10 @@ the same bytes as one that was not.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from ..config import SpectrumRequest
 from ..model.band import State
 from ..model.problem import Problem
 from ..model.topology import Linking, linking_number
+from ..recipes.eversion import not_everted
 from ..solver.newton import Options
 from ..solver.status import Result, SaddleMet, Status
 from ..store import Run, StateRecord
@@ -102,8 +104,20 @@ class Journal:
         self._ends[reached.stage] = record.label
         return record
 
-    def _commit(self, reached: Reached, clock: Clock, spectrum: SpectrumRequest | None) -> StateRecord:
-        record = build_record(self.run.next_label, reached, clock, spectrum)
+    def store_made(self, reached: Reached, clock: Clock, changes: Mapping[str, Any]) -> StateRecord:
+        """Commit a state that was made and not solved for, some of its record's fields changed."""
+        record = self._commit(reached, clock, None, changes)
+        self._ends[reached.stage] = record.label
+        return record
+
+    def _commit(
+        self,
+        reached: Reached,
+        clock: Clock,
+        spectrum: SpectrumRequest | None,
+        changes: Mapping[str, Any] | None = None,
+    ) -> StateRecord:
+        record = replace(build_record(self.run.next_label, reached, clock, spectrum), **(changes or {}))
         self.run.commit(record)
         self.new_states += 1
         return record
@@ -137,8 +151,11 @@ def _linking(u: bytes, g: bytes, sigma: int, h: float) -> Linking:
     return linking_number(np.frombuffer(u).reshape(-1, 3), np.frombuffer(g).reshape(-1, 3), sigma, h)
 
 
-def checked(problem: Problem, result: Result, half_twists: int) -> Result:
-    """A converged result, or the same with its status changed if it is not the band asked for."""
+def checked(problem: Problem, result: Result, half_twists: int, *, everted: bool = False) -> Result:
+    """A converged result, or the same with its status changed if it is not the band asked for.
+
+    Of an `everted` cylinder, which the linking number does not tell from a ring, the inflections count too.
+    """
     if result.status not in (Status.MINIMUM, Status.SADDLE, Status.UNDECIDED):
         return result
     state = result.state
@@ -149,7 +166,8 @@ def checked(problem: Problem, result: Result, half_twists: int) -> Result:
     if not found.exact or abs(found.linking_number - 0.5 * half_twists) > 1e-6:
         detail = f"(Lk = {found.linking_number:.9g} in place of {half_twists / 2:g}.)"
         return replace(result, status=Status.LEFT_TOPOLOGY, detail=detail)
-    return result
+    misfit = not_everted(state) if everted else None
+    return replace(result, status=Status.OTHER_SHAPE, detail=misfit) if misfit else result
 
 
 def converged(result: Result) -> bool:

@@ -37,6 +37,21 @@ class Plan:
     notes: tuple[str, ...]
 
 
+QUARTERS = 4
+"""Steps of the half-turn of an eversion that are kept, the first being the band cut, the last rejoined."""
+REJOINED = "halves rejoined"
+CONSTRUCTION = "construction"
+
+
+def turn_names() -> tuple[str, ...]:
+    """The stages of an eversion's half-turn, in order."""
+    return (
+        "cut along both rulings",
+        *(f"half turned {k}/{QUARTERS}" for k in range(1, QUARTERS)),
+        REJOINED,
+    )
+
+
 def visits(widths: Sequence[float]) -> list[tuple[float, int]]:
     """Each width of a schedule with how often it has come so far, from 1."""
     return [
@@ -63,7 +78,13 @@ def refined_at(config: Config, half_width: float) -> tuple[int, ...]:
 
 def start_name(config: Config) -> str:
     """The stage that frees the initial guess."""
-    names = {"twist": "twisted band freed", "cylinder": "cylinder", "state": "given state"}
+    names = {
+        "twist": "twisted band freed",
+        "cylinder": "cylinder",
+        "eversion": "everted cylinder freed",
+        "schoenke": "construction freed",
+        "state": "given state",
+    }
     return names[config.guess.recipe]
 
 
@@ -77,6 +98,11 @@ def plan_of(config: Config, given: tuple[float, int] | None = None) -> Plan:
             PlannedStage(f"twist {k}/{guess.steps}", "auxiliary", half_width, first)
             for k in range(1, (guess.steps or 0) + 1)
         ]
+    if guess.recipe == "eversion":
+        names = [*(f"eversion {k}/{guess.steps}" for k in range((guess.steps or 0) + 1)), *turn_names()]
+        stages += [PlannedStage(name, "auxiliary", guess.half_width, first) for name in names]
+    if guess.recipe == "schoenke":
+        stages.append(PlannedStage(CONSTRUCTION, "auxiliary", guess.half_width, first))
     widths = config.widths
     named = not widths or (half_width is not None and math.isclose(widths[0], half_width, rel_tol=1e-9))
     stages.append(
@@ -92,7 +118,18 @@ def plan_of(config: Config, given: tuple[float, int] | None = None) -> Plan:
     cost = sum(_cost(config, s) for s in stages)
     halving = "a step in width that fails is halved; what that adds is not counted"
     notes = (halving,) if len(widths) > 1 or not named else ()
-    return Plan(tuple(stages), cost, notes)
+    return Plan(tuple(stages), cost, (*guess_notes(config), *notes))
+
+
+def guess_notes(config: Config) -> tuple[str, ...]:
+    """What is worth knowing about an initial guess that is not wrong."""
+    n, segments = abs(config.half_twists), config.guess.segments
+    if config.guess.recipe != "schoenke" or segments is None or segments % n == 0:
+        return ()
+    return (
+        f"{segments} segments do not divide into {n} equal units: the {n} inflections sit unevenly on the "
+        f"grid, and there may be several minima next to each other; multiples of {n} avoid it",
+    )
 
 
 def _cost(config: Config, stage: PlannedStage) -> float:

@@ -8,10 +8,12 @@ from typing import Literal
 
 from ..config import SpectrumRequest, load_config
 from ..errors import RibbonError, UsageError
+from ..recipes.eversion import not_everted
 from ..store import Run, StateRecord, resolve_state
 from .journal import run_or_read
 from .outcome import Outcome, Target
 from .progress import Progress, Silence
+from .records import state_of
 from .steps import Steps
 
 CONFIG_FACTS = ("git_revision", "git_dirty")
@@ -47,7 +49,8 @@ def refine_state(
     origin = {key: value for key, value in record.provenance.items() if key in CONFIG_FACTS}
 
     def study(watcher: Progress) -> Outcome:
-        steps = Steps(run, record.half_twists, _spectrum(run), watcher, argv, origin, len(grids))
+        everted = record.half_twists == 0 and not_everted(state_of(record)) is None
+        steps = Steps(run, record.half_twists, _spectrum(run), watcher, argv, origin, len(grids), everted)
         try:
             targets = _refine_all(steps, record, grids, method, every=levels is not None)
         finally:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from ..config import Config, dump_resolved
@@ -11,18 +12,21 @@ from ..errors import UsageError
 from ..model.band import Band, Discretisation, State
 from ..model.problem import Problem
 from ..recipes.cylinder import cylinder
-from ..recipes.twist import TwistStage, twist_stage, twist_stages
+from ..recipes.eversion import not_everted
+from ..recipes.twist import TURNED_OVER, TwistStage, twist_stage, twist_stages
 from ..solver.continuation import Move, to_width
 from ..solver.newton import Options, solve
 from ..solver.status import Result, Status
 from ..solver.tracking import PARTS
 from ..store import Run, StateRecord
+from .constructions import construct, evert
+from .contact import locate_contact
 from .given import given_state
-from .journal import checked, converged, run_or_read
+from .journal import converged, run_or_read
 from .outcome import Outcome, Target
-from .plan import plan_of, refined_at, refinement_name, start_name, visits, width_name
+from .plan import guess_notes, plan_of, refined_at, refinement_name, start_name, visits, width_name
 from .progress import Progress, Silence
-from .records import Clock, multipliers_of, state_of
+from .records import Clock, multipliers_of, saddle_result, state_of
 from .steps import Steps
 
 MOST_HALVINGS = 8
@@ -85,6 +89,7 @@ class _Study:
             argv,
             folder if folder.is_dir() else None,
             len(plan_of(config, None if given is None else _place(given[0])).stages),
+            _is_everted(config, given),
         )
         self.journal = self.steps.journal
         self.targets: list[Target] = []
@@ -112,6 +117,8 @@ class _Study:
 
     def _start(self) -> StateRecord | None:
         """The freed guess, or None with `stopped` set."""
+        for note in guess_notes(self.config):
+            self.journal.note(note)
         if self.given is not None:
             state, name = self.given
             return self._free(state, None, f"from {name}", parent_ref=name)
@@ -128,6 +135,18 @@ class _Study:
         ring = cylinder(band)
         if guess.recipe == "cylinder":
             return self._free(ring, None, "discrete cylinder, (3.4)-(3.5)")
+        if guess.recipe == "eversion":
+            joined = evert(self.steps, ring, guess.steps or 1)
+            if isinstance(joined, str):
+                self._stop(joined)
+                return None
+            return self._free(state_of(joined), joined.label, "rejoined band freed")
+        if guess.recipe == "schoenke":
+            made = construct(self.steps, band, self.config.half_twists)
+            if isinstance(made, str):
+                self._stop(made)
+                return None
+            return self._free(state_of(made), made.label, "construction freed")
         last = self._twist(ring)
         return None if last is None else self._free(state_of(last), last.label, "seam closed and freed")
 
@@ -175,6 +194,11 @@ class _Study:
                     events=tuple(failures),
                 )
                 return kept, stage.index
+            if stage.beyond_half_a_turn:  # shorter steps meet the same end, and the guard says which
+                if result.status is not Status.LEFT_TOPOLOGY:
+                    result = replace(result, status=Status.LEFT_TOPOLOGY, detail=TURNED_OVER)
+                self._stop(f"{stage.name}: {result.message}")
+                return None
             failures.append(
                 f"a step from twist {reached:.10g}/{goal.count} to {stage.index:.10g} failed, halved: "
                 f"{result.message}"
@@ -201,9 +225,9 @@ class _Study:
         if record is None:
             clock = self.journal.clock()
             problem = Problem(band)
-            result = checked(
-                problem, solve(problem, state.vector(), None, self.steps.options), self.config.half_twists
-            )
+            result = self.steps.checked(problem, solve(problem, state.vector(), None, self.steps.options))
+            if not converged(result):
+                result = self._saddle_left_in_vain(problem, result)
             if not converged(result):
                 self._stop(f"{stage}: {result.message}")
                 return None
@@ -226,6 +250,16 @@ class _Study:
         if not record.certified:
             self._stop(f"{stage}: {record.message}")
         return record
+
+    def _saddle_left_in_vain(self, problem: Problem, result: Result) -> Result:
+        """The last saddle that was met, where leaving it led to no band of this kind; else the result."""
+        if not result.saddles:
+            return result
+        saddle = self.steps.checked(problem, saddle_result(problem, result.saddles[-1]))
+        if not converged(saddle):
+            return result
+        detail = f"(Index {saddle.negative}; the way down from it ends in: {result.message})"
+        return replace(saddle, saddles=result.saddles[:-1], steps=result.steps, detail=detail)
 
     # --- widths ---
 
@@ -250,6 +284,8 @@ class _Study:
             following = self._stored_step(current, b, visit) or self._step(current, b, visit)
             if following is None:
                 return current
+            beside = (refined_at(self.config, end) for end in (b, current.half_width))
+            locate_contact(self.steps, current, following, next(filter(None, beside), ()))
             current = following
             if current.kind == "equilibrium" or self.stopped is not None:
                 return current
@@ -286,7 +322,7 @@ class _Study:
             # Doubts are resolved down to one length, however often the step itself was halved.
             parts = max(0, PARTS - halvings)
             move = to_width(state, multipliers, width, self.steps.options, parts)
-            result = checked(Problem(move.band), move.result, self.config.half_twists)
+            result = self.steps.checked(Problem(move.band), move.result)
             if result.status is Status.MINIMUM:
                 kind = "equilibrium" if width == b else "intermediate"
                 return self.steps.store_move(
@@ -359,6 +395,13 @@ class _Study:
 def _place(state: State) -> tuple[float, int]:
     """Half-width and segments."""
     return state.band.half_width, state.band.segments
+
+
+def _is_everted(config: Config, given: tuple[State, str] | None) -> bool:
+    """Whether the config is about an everted cylinder, by its recipe or by the state it starts from."""
+    if given is None:
+        return config.guess.recipe == "eversion"
+    return config.half_twists == 0 and not_everted(given[0]) is None
 
 
 def _target(record: StateRecord) -> Target:

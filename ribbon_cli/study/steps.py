@@ -29,9 +29,11 @@ class Steps:
         argv: Sequence[str],
         origin: Origin,
         total: int,
+        everted: bool = False,
     ) -> None:
         self.journal = Journal(run, progress, argv, origin)
         self.half_twists = half_twists
+        self.everted = everted
         self.spectrum = spectrum
         self.progress = progress
         self.options = options_for(half_twists, progress)
@@ -46,6 +48,10 @@ class Steps:
         """Note what happened in a stage."""
         for event in events:
             self.journal.note(f"{stage}: {event}")
+
+    def checked(self, problem: Problem, result: Result) -> Result:
+        """The result with its status changed if it is not the band that this pass is about."""
+        return checked(problem, result, self.half_twists, everted=self.everted)
 
     def store(
         self,
@@ -107,7 +113,7 @@ class Steps:
             move = to_segments(state_of(record), segments, self.options, splitting=splitting)
         except ClosureError as error:
             return f"{stage}: {error}"
-        result = checked(Problem(move.band), move.result, self.half_twists)
+        result = self.checked(Problem(move.band), move.result)
         if not converged(result):
             return f"{stage}: {result.message}"
         if result.certified and record.certified:

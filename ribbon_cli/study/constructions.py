@@ -1,0 +1,138 @@
+"""Guesses that are made, at least in part, without solving: eversion and n-inflection construction."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from ..model.band import Band, State
+from ..model.folding import ClosureError
+from ..model.geometry import geometry
+from ..model.problem import Problem
+from ..model.topology import linking_number
+from ..recipes.eversion import Pieces, eversion_stages, rejoined, turned
+from ..recipes.schoenke import schoenke
+from ..solver.newton import Options, solve
+from ..solver.status import Result, Status
+from ..store import StateRecord
+from .plan import CONSTRUCTION, QUARTERS, turn_names
+from .records import Clock, Reached, multipliers_of, state_of
+from .steps import Steps
+
+
+def evert(steps: Steps, ring: State, count: int) -> StateRecord | str:
+    """Run or load the auxiliary stages; the rejoined band, or a sentence why it was not reached."""
+    state, multipliers = ring, None
+    record: StateRecord | None = None
+    for stage in eversion_stages(ring.band.segments, count):
+        steps.begin(stage.name, ring.band.half_width, ring.band.segments)
+        parent = None if record is None else record.label
+        record = steps.journal.finished(stage.name)
+        if record is None:
+            clock = steps.journal.clock()
+            problem = Problem(ring.band, stage.prescription)
+            options = Options(guard=stage.guard(), watch=steps.progress.step)
+            result = solve(problem, state.vector(), multipliers, options)
+            if result.status is not Status.MINIMUM:
+                return f"{stage.name}: {result.message}"
+            method = "eversion, two prescribed rulings"
+            record = steps.store(
+                problem, result, clock, kind="auxiliary", stage=stage.name, method=method, parent=parent
+            )
+        state, multipliers = state_of(record), multipliers_of(record)
+    assert record is not None
+    return _join(steps, record)
+
+
+def _join(steps: Steps, last: StateRecord) -> StateRecord:
+    """The band cut, half of it turned step by step, and joined again: constructions, nothing is solved."""
+    state, record = state_of(last), last
+    joined = rejoined(state)
+    for k, stage in enumerate(turn_names()):
+        steps.begin(stage, last.half_width, last.segments)
+        parent, known = record.label, steps.journal.finished(stage)
+        if known is None:
+            clock, whole = steps.journal.clock(), k == QUARTERS
+            method = "halves joined again" if whole else f"second half turned by {k}/{QUARTERS} of pi"
+            changes = {} if whole else _in_two(joined, turned(state, math.pi * k / QUARTERS))
+            known = _store(steps, joined, clock, stage, method, parent, changes)
+        record = known
+    return record
+
+
+def _in_two(joined: State, pieces: Pieces) -> dict[str, Any]:
+    """What the record of a band in two pieces has in place of the joined one's.
+
+    Folds at the cuts do not exist: their curvature is not a number and their energy is left out. Neither
+    linking number nor clearance is defined.
+    """
+    half, nan = joined.band.segments // 2, float("nan")
+    problem = Problem(joined.band)
+    shape = geometry(joined)
+    kappa, tau = shape.kappa_s.copy(), shape.tau.copy()
+    kappa[[0, half]] = tau[[0, half]] = nan
+    terms = problem.energy_terms(joined.vector())
+    return {
+        "u": pieces.u,
+        "g": pieces.g,
+        "g_end": pieces.end,
+        "cut_node": half + 1,
+        "g_cut": pieces.cut,
+        "midline": pieces.midline,
+        "kappa_s": kappa,
+        "tau": tau,
+        "energy": float(terms.sum() - terms[0] - terms[half]),
+        "linking_number": nan,
+        "twist": nan,
+        "writhe": nan,
+        "self_contact": False,
+        "clearance": nan,
+    }
+
+
+def construct(steps: Steps, band: Band, half_twists: int) -> StateRecord | str:
+    """Make or load the n-inflection construction; a sentence where the mesh is too coarse for it."""
+    steps.begin(CONSTRUCTION, band.half_width, band.segments)
+    known = steps.journal.finished(CONSTRUCTION)
+    if known is not None:
+        return known
+    clock = steps.journal.clock()
+    coarse = "its arcs are too short for these facets: take more segments, or a narrower band"
+    try:
+        state = schoenke(band, half_twists)
+    except ClosureError as error:
+        return f"{CONSTRUCTION}: {error}; {coarse}"
+    method = f"n-inflection construction, n = {abs(half_twists)}"
+    found = linking_number(state.u, state.g, band.sigma, band.h).linking_number
+    if abs(found - 0.5 * half_twists) > 1e-6:
+        return f"{CONSTRUCTION}: closing it on this mesh makes Lk = {found:g}; {coarse}"
+    return _store(steps, state, clock, CONSTRUCTION, method, None)
+
+
+def _store(
+    steps: Steps,
+    state: State,
+    clock: Clock,
+    stage: str,
+    method: str,
+    parent: int | None,
+    changes: Mapping[str, Any] | None = None,
+) -> StateRecord:
+    """Store a state that was made and not solved for; its multipliers are not numbers."""
+    problem, x = Problem(state.band), state.vector()
+    made = Result(
+        Status.CONSTRUCTED,
+        x,
+        np.full(problem.rows, np.nan),
+        state,
+        problem.energy(x),
+        float("nan"),
+        float(np.abs(problem.constraints(x)).max()),
+        None,
+        0,
+    )
+    reached = Reached(problem, made, "auxiliary", stage, method, steps.half_twists, parent)
+    return steps.journal.store_made(reached, clock, changes or {})
