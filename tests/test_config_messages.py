@@ -68,7 +68,7 @@ def schoenke(half_twists: int, segments: int, half_width: float) -> str:
         (
             schoenke(2, 50, 0.1),
             "mobius.yaml:5:25: initial_guess.recipe: schoenke does not fit the topology: "
-            "needs half_twists 3 or more, or -3 or less, got 2; take twist",
+            "needs half_twists 3 or more, or -3 or less, got 2; start from a state: {state: ...}",
         ),
         (
             schoenke(7, 50, 0.1),
