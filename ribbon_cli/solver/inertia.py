@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
 
 from ..model.band import Array
 from .kkt import BLOCK, KKTMatrix
@@ -73,17 +74,48 @@ class _Level:
     into_border: Array
 
 
-class BlockReduction:
-    """K - shift M eliminated node by node; `inertia` counts eigenvalues of W_c below `shift`."""
+class NodeMetric:
+    """A metric M (7N, 7N) node by node: `diagonal` (N,7,7) and `coupling` to the next node (N,7,7).
 
-    def __init__(self, matrix: KKTMatrix, shift: float = 0.0) -> None:
+    Raises ValueError for a matrix that couples nodes farther apart.
+    """
+
+    def __init__(self, mass: sparse.spmatrix) -> None:
+        entries = mass.tocoo()
+        n = mass.shape[0] // 7
+        row, column = np.divmod(entries.row, 7), np.divmod(entries.col, 7)
+        here, ahead, behind = (row[0] == (column[0] - k) % n for k in (0, 1, -1))
+        if not (here | ahead | behind).all():
+            raise ValueError("a metric must couple neighbouring nodes alone")
+        self.diagonal, self.coupling = np.zeros((n, 7, 7)), np.zeros((n, 7, 7))
+        for blocks, chosen in ((self.diagonal, here), (self.coupling, ahead)):
+            places = (row[0][chosen], row[1][chosen], column[1][chosen])
+            np.add.at(blocks, places, entries.data[chosen])
+
+    def scaled(self, scale: Array) -> tuple[Array, Array]:
+        """Both blocks in scaled unknowns, `scale` (N,7)."""
+        diagonal = scale[:, :, None] * self.diagonal * scale[:, None, :]
+        return diagonal, scale[:, :, None] * self.coupling * np.roll(scale, -1, axis=0)[:, None, :]
+
+
+class BlockReduction:
+    """K - shift M eliminated node by node; `inertia` counts eigenvalues of W_c below `shift`.
+
+    M is the matrix's own diagonal metric, or `metric`.
+    """
+
+    def __init__(self, matrix: KKTMatrix, shift: float = 0.0, metric: NodeMetric | None = None) -> None:
         blocks = matrix.node_blocks
         self._position = blocks.position
         diagonal, coupling, border = blocks.diagonal.copy(), blocks.coupling.copy(), blocks.border.copy()
         corner = np.zeros((border.shape[2], border.shape[2]))
-        if shift:
+        if shift and metric is None:
             unknowns = np.arange(7)
             diagonal[:, unknowns, unknowns] -= shift * matrix.metric.reshape(-1, 7)
+        elif shift and metric is not None:
+            here, ahead = metric.scaled(matrix.scale[: matrix.size].reshape(-1, 7))
+            diagonal[:, :7, :7] -= shift * here
+            coupling[:, :7, :7] -= shift * ahead
         self._levels: list[_Level] = []
         negative, gap = 0, np.inf
         # A node with a held ruling has more rows than free unknowns: no pivot before a neighbour is gone.
@@ -120,37 +152,38 @@ class BlockReduction:
         vectors, inverse, count, narrow = _pivot(_join(diagonal, coupling, border, corner)[None])
         self._last = (vectors[0], inverse[0])
         # Held components stand in K as ones on the diagonal, whatever the metric: no eigenvalues of W_c.
-        ones = int((matrix.metric[matrix.fixed] * shift > 1.0).sum())
+        ones = int((matrix.metric[matrix.fixed] * shift > 1.0).sum()) if metric is None else 0
         self.inertia = Inertia(negative + count - matrix.border - ones, min(gap, narrow))
 
     def solve(self, rhs: Array) -> Array:
-        """Solve the scaled system for rhs (n+m+r,)."""
-        ordered = np.empty_like(rhs)
-        ordered[self._position] = rhs
-        inner = ordered.size - self._width
-        b, edge = ordered[:inner].reshape(-1, BLOCK, 1), ordered[inner:].copy()
+        """Solve the scaled system for rhs (n+m+r,) or (n+m+r, k)."""
+        columns = rhs.reshape(rhs.shape[0], -1)
+        ordered = np.empty_like(columns)
+        ordered[self._position] = columns
+        inner, count = ordered.shape[0] - self._width, ordered.shape[1]
+        b, edge = ordered[:inner].reshape(-1, BLOCK, count), ordered[inner:].copy()
         stack = []
         for level in self._levels:
             y = np.swapaxes(level.vectors, 1, 2) @ b[level.gone]
             w = level.inverse[:, :, None] * y
             b[level.left] -= level.into_left @ w
             b[level.right] -= level.into_right @ w
-            edge -= (level.into_border @ w).sum(axis=0)[:, 0]
+            edge -= (level.into_border @ w).sum(axis=0)
             stack.append(y)
             b = b[level.kept]
         vectors, inverse = self._last
-        rest = vectors @ (inverse * (vectors.T @ np.concatenate((b.ravel(), edge))))
-        x, edge = rest[: b.size].reshape(-1, BLOCK, 1), rest[b.size :]
+        rest = vectors @ (inverse[:, None] * (vectors.T @ np.concatenate((b.reshape(-1, count), edge))))
+        x, edge = rest[: rest.shape[0] - self._width].reshape(-1, BLOCK, count), rest[-self._width :]
         for level, y in zip(reversed(self._levels), reversed(stack), strict=True):
-            full = np.empty((level.gone.size + level.kept.size, BLOCK, 1))
+            full = np.empty((level.gone.size + level.kept.size, BLOCK, count))
             full[level.kept] = x
             known = np.swapaxes(level.into_left, 1, 2) @ full[level.left]
             known += np.swapaxes(level.into_right, 1, 2) @ full[level.right]
-            known += (np.swapaxes(level.into_border, 1, 2) @ edge)[:, :, None]
+            known += np.swapaxes(level.into_border, 1, 2) @ edge
             full[level.gone] = level.vectors @ (level.inverse[:, :, None] * (y - known))
             x = full
-        out: Array = np.concatenate((x.ravel(), edge))[self._position]
-        return out
+        out: Array = np.concatenate((x.reshape(-1, count), edge))[self._position]
+        return out.reshape(rhs.shape)
 
 
 def inertia(matrix: KKTMatrix, shift: float = 0.0) -> Inertia:

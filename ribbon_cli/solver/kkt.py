@@ -181,13 +181,21 @@ class KKTMatrix:
         out.metric = self.scale[: self.size] ** 2 * weights
         return out
 
-    def with_unit_metric(self, *, scaled: bool = True) -> KKTMatrix:
-        """The same matrix with the identity, on the scaled unknowns or on x itself, for the Hessian."""
+    def with_unit_metric(self) -> KKTMatrix:
+        """The same matrix with the identity on the scaled unknowns for the Hessian."""
+        return self._with_diagonal(np.ones(self.size))
+
+    def without_hessian(self) -> KKTMatrix:
+        """The same matrix with zeros for the Hessian, but ones at held components, for shifts to fill."""
+        return self._with_diagonal(self.fixed.astype(np.float64))
+
+    def _with_diagonal(self, diagonal: Array) -> KKTMatrix:
+        """The same matrix with a diagonal one (7N,), in scaled unknowns, for the Hessian."""
         out = copy(self)
         out.__dict__.pop("node_blocks", None)
         data = self.upper.data.copy()
         data[: self.upper.indptr[self.size]] = 0.0
-        data[self.pattern.diagonal[: self.size]] = 1.0 if scaled else self.scale[: self.size] ** 2
+        data[self.pattern.diagonal[: self.size]] = diagonal
         out._fill(data)
         return out
 

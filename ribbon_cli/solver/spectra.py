@@ -1,8 +1,8 @@
-"""Eigenvalues of the projected Hessian, Koldaev (2022), (2.58), in two metrics.
+"""Eigenvalues of the projected Hessian, Koldaev (2022), (2.58), in any metric of `model.metrics`.
 
-`euclidean` weighs all 7N unknowns alike, as in the thesis. `physical` is the pencil (W_c, M_c) with
-M = h (|du|^2 + |dg|^2) and no weight on xi, which is slaved to g; its eigenvalues converge as N grows.
-Rigid rotations, exact zero modes, are listed with the rest and labelled.
+In the thesis' `euclidean` metric eigenvalues scale with h; in the `physical` one they converge as N grows.
+Rigid rotations, exact zero modes, are listed with the rest and labelled. Every value comes with a bound of
+its error, and the lowest few are counted by inertia, so that none is missing.
 """
 
 from __future__ import annotations
@@ -11,24 +11,30 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import linalg, sparse
-from scipy.sparse import linalg as sparse_linalg
 
-from ..model.band import Array
+from ..model.band import Array, Discretisation
+from ..model.metrics import lengths, metric_named
 from ..model.problem import LocalDerivatives, Problem
-from .kkt import KKTMatrix
-from .linear import Factor, FactorisationError
-from .saddle_free import null_space, shift_below, start_vector
+from .lanczos import largest_eigenpairs
+from .linear import FactorisationError
+from .pencil import ROUNDOFF, Pencil
+from .saddle_free import null_space
 
-METRICS = ("euclidean", "physical")
 SLIDING_OVERLAP = 0.9
+CHECKERBOARD_SHARE = 0.5
+NEAR_EQUAL = 1e-6
+"""Relative difference of eigenvalues that are not told apart when they are counted."""
+SEARCHES = 4
+"""Starts of Lanczos before eigenvalues that the inertia counts are given up as missing."""
 
 
 @dataclass(frozen=True)
 class Spectrum:
     """Modes in ascending order of eigenvalue.
 
-    `values`, `residuals` |K^T (W - mu M) v| of metric-normalised modes v, and `sliding_overlap` are (k,);
-    `labels` are one of rotation, sliding, mode; `vectors` (m, N, 7), m <= k, are the lowest modes.
+    `values`, `residuals` in the dual metric (an eigenvalue lies that near), `bounds` with roundoff added,
+    `sliding_overlap` and `hidden` (see `hidden_share`) are (k,); `labels` are one of rotation, sliding,
+    checkerboard, mode; `vectors` (m, N, 7), m <= k, are the lowest modes, of unit length in the metric.
     `complete` says that all 2N - 3 are there.
     """
 
@@ -36,20 +42,11 @@ class Spectrum:
     complete: bool
     values: Array
     residuals: Array
+    bounds: Array
     labels: tuple[str, ...]
     sliding_overlap: Array
+    hidden: Array
     vectors: Array
-
-
-def metric_diagonal(problem: Problem, metric: str) -> Array:
-    """Diagonal (7N,) of the metric. Raises ValueError for an unknown one."""
-    if metric == "euclidean":
-        return np.ones(problem.size)
-    if metric == "physical":
-        weights = np.full((problem.band.segments, 7), problem.band.h)
-        weights[:, 6] = 0.0
-        return weights.ravel()
-    raise ValueError(f"unknown metric {metric!r}; known are {', '.join(METRICS)}")
 
 
 def sliding_tangent(problem: Problem, x: Array) -> Array:
@@ -63,45 +60,93 @@ def sliding_tangent(problem: Problem, x: Array) -> Array:
     return out
 
 
-def _sliding(problem: Problem, x: Array, weights: Array, rotations: Array) -> Array:
+def _sliding(problem: Problem, x: Array, mass: sparse.csr_matrix, rotations: Array) -> Array:
     """Covector M t / |t| (7N,) of the sliding tangent t, rotations projected out; zero if t is a rotation."""
     tangent = sliding_tangent(problem, x)
+    reach = float(np.linalg.norm(tangent) * np.sqrt(mass.diagonal().max()))
     if rotations.shape[1]:
-        gram = rotations.T @ (weights[:, None] * rotations)
-        tangent = tangent - rotations @ np.linalg.solve(gram, rotations.T @ (weights * tangent))
-    size = np.sqrt(tangent @ (weights * tangent))
-    if size < 1e-6 * np.sqrt(problem.band.segments * weights.max()):
+        # Euclidean projection serves metrics in which rotations have no length; in others the rest follows.
+        tangent = tangent - rotations @ (rotations.T @ tangent)
+        gram = rotations.T @ (mass @ rotations)
+        if gram.trace() > 1e-9 * mass.diagonal().max():
+            tangent = tangent - rotations @ np.linalg.solve(gram, rotations.T @ (mass @ tangent))
+    size = float(lengths(mass, tangent[:, None])[0])
+    if size < 1e-6 * reach:
         return np.zeros(problem.size)
-    out: Array = weights * tangent / size
+    out: Array = (mass @ tangent) / size
     return out
 
 
+def hidden_share(problem: Problem, vectors: Array) -> Array:
+    """How much of each mode's xi the energy does not see, (k,) in [0, 1], for modes (7N, k).
+
+    Under `thesis` the energy sees the averages (dxi_i + dxi_{i-1}) / 2 alone. What is hidden are the
+    differences (dxi_i - dxi_{i-1}) / 2, which the checkerboard dxi_i = (-1)^i consists of; the share is
+    that of their squares in the sum of both squares. Under `value-average` the energy sees both.
+    """
+    if problem.band.discretisation is not Discretisation.THESIS:
+        return np.zeros(vectors.shape[1])
+    xi = vectors.reshape(problem.band.segments, 7, -1)[:, 6]
+    before = np.roll(xi, 1, axis=0)
+    before[0] *= problem.band.sigma
+    seen, hidden = ((xi + before) ** 2).sum(axis=0), ((xi - before) ** 2).sum(axis=0)
+    whole = seen + hidden
+    # Where a mode has no xi but roundoff, nothing is hidden.
+    void = whole <= 1e-20 * (vectors**2).sum(axis=0)
+    out: Array = np.where(void, 0.0, hidden / np.where(void, 1.0, whole))
+    return out
+
+
+def _label(overlap: float, hidden: float) -> str:
+    if overlap > SLIDING_OVERLAP:
+        return "sliding"
+    return "checkerboard" if hidden > CHECKERBOARD_SHARE else "mode"
+
+
+@dataclass(frozen=True)
+class _Found:
+    """Modes besides rotations, ascending: values, residuals, bounds (k,) and vectors (7N, k)."""
+
+    values: Array
+    residuals: Array
+    bounds: Array
+    vectors: Array
+
+
 def _assemble(
+    problem: Problem,
+    x: Array,
     metric: str,
-    rotations: Array,
-    weights: Array,
-    values: Array,
-    residuals: Array,
-    overlaps: Array,
-    vectors: Array,
+    mass: sparse.csr_matrix,
+    found: _Found,
+    keep: int,
     complete: bool,
 ) -> Spectrum:
-    """Join the rotations to the other modes, label and sort; `vectors` (7N, m) are the lowest m's."""
-    overlaps = np.minimum(np.abs(overlaps), 1.0)
-    labels = ["sliding" if o > SLIDING_OVERLAP else "mode" for o in overlaps]
-    count, kept = rotations.shape[1], vectors.shape[1]
-    values = np.concatenate((np.zeros(count), values))
-    order = np.argsort(values, kind="stable")
-    norms = np.sqrt(np.einsum("ij,i,ij->j", rotations, weights, rotations))
-    every = np.column_stack((rotations / norms, vectors))
-    stored = order[order < count + kept][: count + kept]
+    """Join the rotations to the other modes, label and sort; the lowest `keep` others keep their vectors."""
+    rotations = problem.rotations(x)
+    overlaps = np.minimum(np.abs(_sliding(problem, x, mass, rotations) @ found.vectors), 1.0)
+    hidden = hidden_share(problem, found.vectors)
+    labels = [_label(*pair) for pair in zip(overlaps, hidden, strict=True)]
+    count, kept = rotations.shape[1], min(keep, found.values.size)
+    order = np.argsort(np.concatenate((np.zeros(count), found.values)), kind="stable")
+    norms = lengths(mass, rotations)
+    norms[norms <= 1e-9 * np.sqrt(mass.diagonal().max())] = 1.0
+    every = np.column_stack((rotations / norms, found.vectors[:, :kept]))
+    stored = order[order < count + kept]
+
+    def joined(others: Array) -> Array:
+        out: Array = np.concatenate((np.zeros(count), others))[order]
+        return out
+
     return Spectrum(
         metric,
         complete,
-        values[order],
-        np.concatenate((np.zeros(count), residuals))[order],
+        joined(found.values),
+        joined(found.residuals),
+        joined(found.bounds),
         tuple((["rotation"] * count + labels)[k] for k in order),
-        np.concatenate((np.zeros(count), overlaps))[order],
+        joined(overlaps),
+        joined(hidden),
         np.ascontiguousarray(every[:, stored].T).reshape(stored.size, -1, 7),
     )
 
@@ -109,80 +154,78 @@ def _assemble(
 def full_spectra(
     problem: Problem, x: Array, local: LocalDerivatives, metrics: tuple[str, ...], keep: int
 ) -> list[Spectrum]:
-    """All 2N - 3 eigenvalues in each metric by dense algebra, with the `keep` lowest modes."""
-    rotations = problem.rotations(x)
-    basis = null_space(problem, local, rotations)
-    projected = basis.T @ (problem.hessian_matrix(local) @ basis)
+    """All 2N - 3 eigenvalues in each metric by dense algebra, with the `keep` lowest modes.
+
+    Raises ValueError for an unknown metric, LinAlgError if the algebra fails.
+    """
+    basis = null_space(problem, local, problem.rotations(x))
+    hessian = problem.hessian_matrix(local)
+    projected = basis.T @ (hessian @ basis)
+    magnitude = abs(hessian)
     out = []
     for metric in metrics:
-        weights = metric_diagonal(problem, metric)
-        common = float(weights.max())
-        odd = np.flatnonzero(weights != common)  # the basis is orthonormal: only these rows differ
-        gram = common * np.eye(basis.shape[1]) + basis[odd].T @ (
-            (weights[odd] - common)[:, None] * basis[odd]
-        )
-        pencil = gram if odd.size else None
-        values, y = linalg.eigh(projected, pencil, check_finite=False)
-        residuals = np.linalg.norm(projected @ y - (gram @ y if odd.size else common * y) * values, axis=0)
-        overlaps = (_sliding(problem, x, weights, rotations) @ basis) @ y
-        vectors = basis @ y[:, :keep]
-        out.append(_assemble(metric, rotations, weights, values, residuals, overlaps, vectors, complete=True))
+        mass = metric_named(metric).matrix(problem.state(x))
+        gram = basis.T @ (mass @ basis)
+        values, y = linalg.eigh(projected, gram, check_finite=False)
+        excess = projected @ y - (gram @ y) * values
+        whitened = linalg.solve_triangular(linalg.cholesky(gram, lower=True), excess, lower=True)
+        residuals = np.linalg.norm(whitened, axis=0)
+        vectors = basis @ y
+        roundoff = np.einsum("ij,ij->j", np.abs(vectors), magnitude @ np.abs(vectors))
+        bounds = residuals + ROUNDOFF * np.finfo(float).eps * roundoff
+        found = _Found(values, residuals, bounds, vectors)
+        out.append(_assemble(problem, x, metric, mass, found, keep, complete=True))
     return out
 
 
-def lowest_spectrum(
-    problem: Problem, x: Array, local: LocalDerivatives, metric: str, count: int, index: int = 0
-) -> Spectrum:
-    """The `count` lowest modes besides rotations by shift-invert Lanczos with a fixed start.
+def lowest_spectrum(problem: Problem, x: Array, local: LocalDerivatives, metric: str, count: int) -> Spectrum:
+    """The `count` lowest modes besides rotations by shift-invert Lanczos with fixed starts.
 
-    `index` is the number of negative eigenvalues by inertia; with any, the shift lies below them.
-    Raises FactorisationError if they do not converge.
+    The inertia at a shift below the last of them confirms that none is missing. Raises ValueError for an
+    unknown metric, FactorisationError if they do not converge or some stay missing.
     """
-    n = problem.size
-    rotations = problem.rotations(x)
-    matrix = KKTMatrix(problem, local, rotations)
-    weights = metric_diagonal(problem, metric)
-    factor = shift_below(matrix.with_metric(weights), index) if index else Factor(matrix)
-    rhs = np.zeros(matrix.size + matrix.border)
-
-    def inverse(w: Array) -> Array:
-        rhs[:n] = np.where(problem.fixed, 0.0, w)
-        return factor.solve_backward(rhs)[:n]
-
-    operator = sparse_linalg.LinearOperator((n, n), matvec=inverse, dtype=np.float64)
-    hessian = problem.hessian_matrix(local)
-    start = inverse(weights * start_vector(n, problem.fixed))
-    try:
-        values, vectors = sparse_linalg.eigsh(
-            hessian,
-            k=count,
-            M=sparse.diags(weights).tocsc(),
-            sigma=factor.shift,
-            OPinv=operator,
-            v0=start,
-            ncv=min(n - 1, 2 * count + 16),
-            which="LM",
-            tol=1e-12,
-        )
-    except sparse_linalg.ArpackError as error:
-        raise FactorisationError(f"Lanczos: {error}") from error
-    # One application of the inverse puts vectors back into the null space to roundoff.
-    for j in range(count):
-        vectors[:, j] = inverse(weights * vectors[:, j]) * (values[j] - factor.shift)
-        vectors[:, j] /= np.sqrt(vectors[:, j] @ (weights * vectors[:, j]))
-    values = np.einsum("ij,ij->j", vectors, hessian @ vectors)
-    excess = hessian @ vectors - (weights[:, None] * vectors) * values
-    residuals = _projected_norms(matrix, excess)
-    overlaps = _sliding(problem, x, weights, rotations) @ vectors
-    return _assemble(metric, rotations, weights, values, residuals, overlaps, vectors, complete=False)
+    pencil = Pencil(problem, x, local, metric_named(metric))
+    found = _lowest(pencil, count)
+    return _assemble(problem, x, metric, pencil.mass, found, count, complete=False)
 
 
-def _projected_norms(matrix: KKTMatrix, excess: Array) -> Array:
-    """Euclidean norms (k,) of the tangential parts of vectors (7N, k)."""
-    projector = Factor(matrix.with_unit_metric(scaled=False))
-    rhs = np.zeros(matrix.size + matrix.border)
-    out = np.empty(excess.shape[1])
-    for j in range(out.size):
-        rhs[: matrix.size] = excess[:, j]
-        out[j] = np.linalg.norm(projector.solve(rhs)[: matrix.size])
-    return out
+def _lowest(pencil: Pencil, count: int) -> _Found:
+    """The lowest eigenpairs, verified."""
+    dimension = 7 * pencil.problem.band.segments - pencil.matrix.border - int(pencil.problem.fixed.sum())
+    count = min(count, dimension)
+    shift = pencil.shift_below_all(count)
+    vectors: Array | None = None
+    for search in range(SEARCHES):
+        known = 0 if vectors is None else vectors.shape[1]
+        new = largest_eigenpairs(
+            pencil.inverse(shift, refinements=0),
+            pencil.mass,
+            count,
+            dimension=dimension - known,
+            known=vectors,
+            seed=search,
+        )[1]
+        values, vectors = _polished(pencil, shift, new if vectors is None else np.hstack((vectors, new)))
+        if vectors.shape[1] >= dimension or _none_missing(pencil, values, count):
+            values, vectors = values[:count], vectors[:, :count]
+            residuals = pencil.residuals(values, vectors)
+            return _Found(values, residuals, residuals + pencil.roundoff(vectors), vectors)
+    raise FactorisationError(f"Lanczos misses some of the {count} lowest eigenvalues")
+
+
+def _polished(pencil: Pencil, shift: float, vectors: Array) -> tuple[Array, Array]:
+    """One refined application of the inverse, and Ritz pairs: tangential to roundoff, M-orthonormal."""
+    vectors = pencil.inverse(shift)(pencil.mass @ vectors)
+    gram = vectors.T @ (pencil.mass @ vectors)
+    values, y = linalg.eigh(vectors.T @ (pencil.hessian @ vectors), gram)
+    return values, vectors @ y
+
+
+def _none_missing(pencil: Pencil, values: Array, count: int) -> bool:
+    """Whether as many eigenvalues as were found lie below the last, those equal to it left out."""
+    last = float(values[count - 1])
+    apart = max(NEAR_EQUAL * abs(last), 1e-3 * NEAR_EQUAL * pencil.metric.unit(pencil.problem.band))
+    lower = values[values < last - apart]
+    floor = float(lower[-1]) if lower.size else last - 2.0 * max(apart, abs(last))
+    inertia = pencil.count_below(0.5 * (floor + last))
+    return inertia.trusted and inertia.negative == lower.size

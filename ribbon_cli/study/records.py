@@ -173,10 +173,8 @@ def _spectra(
         if problem.band.segments <= request.full_up_to:
             found = full_spectra(problem, result.x, local, request.metrics, request.modes)
         else:
-            index = result.negative or 0
             found = [
-                lowest_spectrum(problem, result.x, local, metric, request.modes, index)
-                for metric in request.metrics
+                lowest_spectrum(problem, result.x, local, metric, request.modes) for metric in request.metrics
             ]
     except (FactorisationError, np.linalg.LinAlgError) as error:
         return (), (f"no spectrum: {error}",)

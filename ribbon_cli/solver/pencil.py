@@ -1,0 +1,145 @@
+"""The pencil (W_c, M_c) of projected Hessian and metric at a point, on sparse matrices of any N.
+
+What shift-invert Lanczos and its checks need: how many eigenvalues lie below a shift, by the inertia of the
+block reduction; (W_c - shift M_c)^-1 on columns; and lengths of residuals in the dual metric, which bound the
+distance to an eigenvalue.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy import sparse
+
+from ..model.band import Array
+from ..model.metrics import Metric
+from ..model.problem import LocalDerivatives, Problem
+from .inertia import BlockReduction, Inertia, NodeMetric
+from .kkt import KKTMatrix
+from .linear import FactorisationError
+
+CROWD = 2
+"""Eigenvalues, relative to those wanted, that may lie between a shift and its mirror image."""
+REFINEMENTS = 2
+ROUNDOFF = 8.0
+"""Roundoff of a Rayleigh quotient in units of eps |v|^T |W| |v|: nine products of two factors a row, most of
+whose errors cancel."""
+
+
+class Pencil:
+    """Hessian W and metric M of a problem at a point, restricted to moves that keep the constraints.
+
+    `hessian` and `mass` are sparse (7N, 7N); rotations (7N, r) are held. Raises FactorisationError where the
+    derivatives are not finite.
+    """
+
+    def __init__(self, problem: Problem, x: Array, local: LocalDerivatives, metric: Metric) -> None:
+        self.problem, self.local, self.metric = problem, local, metric
+        self.rotations = problem.rotations(x)
+        self.matrix = KKTMatrix(problem, local, self.rotations)
+        if not np.isfinite(self.matrix.upper.data).all():
+            raise FactorisationError("the KKT matrix is not finite")
+        self.hessian = problem.hessian_matrix(local)
+        mass = metric.matrix(problem.state(x))
+        if problem.fixed.any():
+            moves = sparse.diags((~problem.fixed).astype(np.float64))
+            mass = (moves @ mass @ moves).tocsr()
+        self.mass = mass
+        self._nodes = NodeMetric(mass)
+        self._shifted: dict[float, BlockReduction] = {}
+
+    @property
+    def size(self) -> int:
+        """7N."""
+        return self.problem.size
+
+    def _reduction(self, shift: float) -> BlockReduction:
+        if shift not in self._shifted:
+            self._shifted[shift] = BlockReduction(self.matrix, shift, self._nodes)
+        return self._shifted[shift]
+
+    def count_below(self, shift: float) -> Inertia:
+        """Number of eigenvalues of the pencil below `shift`, rotations left out."""
+        return self._reduction(shift).inertia
+
+    def inverse(self, shift: float, refinements: int = REFINEMENTS) -> Callable[[Array], Array]:
+        """(W_c - shift M_c)^-1 as a function of forces (7N, k); its values are moves (7N, k)."""
+        return _Inverse(self.matrix, self.mass, shift, self._reduction(shift), refinements).moves
+
+    def shift_below_all(self, wanted: int = 1) -> float:
+        """A negative shift with no eigenvalue below it, near enough to separate the `wanted` lowest ones.
+
+        Its size is such that not many more than those lie in [shift, -shift]: seen from farther off, all
+        low eigenvalues look alike. Raises FactorisationError if no shift is found.
+        """
+        size = self.metric.unit(self.problem.band)
+        while size > 1e-12 * self.metric.unit(self.problem.band) and self._crowded(size, wanted):
+            size *= 0.25
+        for _ in range(40):
+            found = self.count_below(-size)
+            if found.negative == 0 and found.trusted:
+                return -size
+            self._shifted.pop(-size)
+            size *= 4.0
+        raise FactorisationError("no shift below all eigenvalues was found")
+
+    def _crowded(self, size: float, wanted: int) -> bool:
+        """Whether many more eigenvalues than wanted lie below `size`."""
+        crowded = self.count_below(size).negative > CROWD * wanted
+        self._shifted.pop(size)
+        return crowded
+
+    def residuals(self, values: Array, vectors: Array) -> Array:
+        """Dual lengths (k,) of the residuals r = W v - mu M v of M-normalised modes (7N, k).
+
+        |r|_* = max r.w / |w|_M over the moves w that keep the constraints. Some eigenvalue is within |r|_*
+        of mu: Parlett (1998), theorem 15.9.1.
+        """
+        excess = self.hessian @ vectors - (self.mass @ vectors) * values
+        empty = self.matrix.without_hessian()
+        project = _Inverse(empty, self.mass, -1.0, BlockReduction(empty, -1.0, self._nodes))
+        dual = np.einsum("ij,ij->j", excess, project.moves(excess))
+        out: Array = np.sqrt(np.maximum(dual, 0.0))
+        return out
+
+    def roundoff(self, vectors: Array) -> Array:
+        """What roundoff may do to the Rayleigh quotients (k,) of M-normalised modes (7N, k)."""
+        size = np.abs(vectors)
+        out: Array = ROUNDOFF * np.finfo(float).eps * np.einsum("ij,ij->j", size, abs(self.hessian) @ size)
+        return out
+
+
+class _Inverse:
+    """Solutions of (K - shift M) z = (f, 0), refined."""
+
+    def __init__(
+        self,
+        matrix: KKTMatrix,
+        mass: sparse.csr_matrix,
+        shift: float,
+        blocks: BlockReduction,
+        refinements: int = REFINEMENTS,
+    ) -> None:
+        self.matrix, self.mass, self.shift, self.blocks = matrix, mass, shift, blocks
+        self.refinements = refinements
+        self.scale = matrix.scale[: matrix.size, None]
+
+    def _product(self, z: Array) -> Array:
+        out = self.matrix.product(z)
+        n = self.matrix.size
+        out[:n] -= self.shift * self.scale * (self.mass @ (self.scale * z[:n]))
+        return out
+
+    def moves(self, forces: Array) -> Array:
+        """The moves (7N, k) of forces (7N, k). Raises FactorisationError if they are not finite."""
+        n = self.matrix.size
+        rhs = np.zeros((n + self.matrix.border, forces.shape[1]))
+        rhs[:n] = self.scale * np.where(self.matrix.fixed[:, None], 0.0, forces)
+        z = self.blocks.solve(rhs)
+        for _ in range(self.refinements):
+            z += self.blocks.solve(rhs - self._product(z))
+        if not np.isfinite(z).all():
+            raise FactorisationError("the KKT system has no finite solution")
+        out: Array = self.scale * z[:n]
+        return out
