@@ -17,6 +17,7 @@ from ribbon_cli.cli.group import RibbonGroup, Stopped
 from ribbon_cli.cli.output import emit, emit_json
 from ribbon_cli.cli.settings import Settings, common_options, pass_settings
 from ribbon_cli.cli.solve_commands import refine, solve
+from ribbon_cli.cli.spectrum_command import spectrum
 from ribbon_cli.cli.store_commands import ls, show
 from ribbon_cli.cli.table_command import convergence_table
 from ribbon_cli.errors import UsageError
@@ -89,7 +90,7 @@ def completion(settings: Settings, shell: str | None) -> None:
     emit_json({"shell": name, "script": text}) if settings.json else emit(text)
 
 
-for _command in (init, check, solve, refine, convergence_table, ls, show, export, completion):
+for _command in (init, check, solve, refine, convergence_table, spectrum, ls, show, export, completion):
     cli.add_command(_command)
 
 

@@ -22,6 +22,9 @@ from .saddle_free import null_space
 
 SLIDING_OVERLAP = 0.9
 CHECKERBOARD_SHARE = 0.5
+CHECKERBOARD_FACETS = 3.0
+"""A mode is a checkerboard when most of its xi is hidden, over more facets than the two on which a peak of
+one facet's width alternates when it moves."""
 NEAR_EQUAL = 1e-6
 """Relative difference of eigenvalues that are not told apart when they are counted."""
 SEARCHES = 4
@@ -77,30 +80,32 @@ def _sliding(problem: Problem, x: Array, mass: sparse.csr_matrix, rotations: Arr
     return out
 
 
-def hidden_share(problem: Problem, vectors: Array) -> Array:
-    """How much of each mode's xi the energy does not see, (k,) in [0, 1], for modes (7N, k).
+def hidden_share(problem: Problem, vectors: Array) -> tuple[Array, Array]:
+    """How much of each mode's xi the energy does not see, in [0, 1], and over how many facets, both (k,).
 
     Under `thesis` the energy sees the averages (dxi_i + dxi_{i-1}) / 2 alone. What is hidden are the
-    differences (dxi_i - dxi_{i-1}) / 2, which the checkerboard dxi_i = (-1)^i consists of; the share is
-    that of their squares in the sum of both squares. Under `value-average` the energy sees both.
+    differences d_i = (dxi_i - dxi_{i-1}) / 2, which the checkerboard dxi_i = (-1)^i consists of; the share is
+    that of their squares in the sum of both squares, and (sum d^2)^2 / sum d^4 the number of facets that take
+    part. Under `value-average` the energy sees both. Modes are (7N, k).
     """
+    count = vectors.shape[1]
     if problem.band.discretisation is not Discretisation.THESIS:
-        return np.zeros(vectors.shape[1])
+        return np.zeros(count), np.zeros(count)
     xi = vectors.reshape(problem.band.segments, 7, -1)[:, 6]
     before = np.roll(xi, 1, axis=0)
     before[0] *= problem.band.sigma
     seen, hidden = ((xi + before) ** 2).sum(axis=0), ((xi - before) ** 2).sum(axis=0)
-    whole = seen + hidden
     # Where a mode has no xi but roundoff, nothing is hidden.
-    void = whole <= 1e-20 * (vectors**2).sum(axis=0)
-    out: Array = np.where(void, 0.0, hidden / np.where(void, 1.0, whole))
-    return out
+    void = seen + hidden <= 1e-20 * (vectors**2).sum(axis=0)
+    whole, part = np.where(void, 1.0, seen + hidden), np.where(void | (hidden == 0.0), 1.0, hidden)
+    spread = 1.0 / (((xi - before) ** 2 / part) ** 2).sum(axis=0).clip(min=1.0 / problem.band.segments)
+    return np.where(void, 0.0, hidden / whole), np.where(void, 0.0, spread)
 
 
-def _label(overlap: float, hidden: float) -> str:
+def _label(overlap: float, hidden: float, spread: float) -> str:
     if overlap > SLIDING_OVERLAP:
         return "sliding"
-    return "checkerboard" if hidden > CHECKERBOARD_SHARE else "mode"
+    return "checkerboard" if hidden > CHECKERBOARD_SHARE and spread > CHECKERBOARD_FACETS else "mode"
 
 
 @dataclass(frozen=True)
@@ -125,8 +130,8 @@ def _assemble(
     """Join the rotations to the other modes, label and sort; the lowest `keep` others keep their vectors."""
     rotations = problem.rotations(x)
     overlaps = np.minimum(np.abs(_sliding(problem, x, mass, rotations) @ found.vectors), 1.0)
-    hidden = hidden_share(problem, found.vectors)
-    labels = [_label(*pair) for pair in zip(overlaps, hidden, strict=True)]
+    hidden, spread = hidden_share(problem, found.vectors)
+    labels = [_label(*figures) for figures in zip(overlaps, hidden, spread, strict=True)]
     count, kept = rotations.shape[1], min(keep, found.values.size)
     order = np.argsort(np.concatenate((np.zeros(count), found.values)), kind="stable")
     norms = lengths(mass, rotations)

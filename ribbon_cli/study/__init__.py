@@ -6,11 +6,13 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from .given import given_band
+    from .mode_limits import SpectralTable, spectral_convergence
     from .outcome import Outcome, Target
     from .plan import Plan, PlannedStage, plan_of
     from .progress import Progress
     from .refine import refine_state
     from .solve import solve_config
+    from .stability import Stability, document_of, stability_of
     from .table import table_entries
 
 __all__ = [
@@ -18,11 +20,16 @@ __all__ = [
     "Plan",
     "PlannedStage",
     "Progress",
+    "SpectralTable",
+    "Stability",
     "Target",
     "given_band",
+    "document_of",
     "plan_of",
     "refine_state",
     "solve_config",
+    "spectral_convergence",
+    "stability_of",
     "table_entries",
 ]
 
@@ -31,11 +38,16 @@ _HOMES = {
     "Plan": "plan",
     "PlannedStage": "plan",
     "Progress": "progress",
+    "SpectralTable": "mode_limits",
+    "Stability": "stability",
     "Target": "outcome",
     "given_band": "given",
+    "document_of": "stability",
     "plan_of": "plan",
     "refine_state": "refine",
     "solve_config": "solve",
+    "spectral_convergence": "mode_limits",
+    "stability_of": "stability",
     "table_entries": "table",
 }
 

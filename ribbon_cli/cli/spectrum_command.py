@@ -1,0 +1,107 @@
+"""`ribbon spectrum`: eigenvalues with bounds, modes with names, a verdict; and their convergence."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Any
+
+import click
+
+from ribbon_cli.cli.completion import complete_any, complete_file
+from ribbon_cli.cli.output import check_target, complain, emit, emit_json, say
+from ribbon_cli.cli.settings import Settings, common_options, pass_settings
+from ribbon_cli.errors import TargetError, UsageError
+
+METRICS = ("physical", "euclidean", "folding")
+_FORMATS = ("text", "markdown", "csv", "json")
+
+
+@click.command()
+@click.argument("ref", metavar="STATE|RUN", shell_complete=complete_any)
+@click.option("--metric", type=click.Choice(METRICS), default="physical", show_default=True)
+@click.option("--modes", metavar="K", type=click.IntRange(1), help="Lowest modes; default 12, convergence 6.")
+@click.option("--full", is_flag=True, help="All 2N-3 eigenvalues, by dense algebra.")
+@click.option("--convergence", is_flag=True, help="Of a RUN: the lowest eigenvalues over N, orders, limits.")
+@click.option("--format", "style", type=click.Choice(_FORMATS), help="Default: text.")
+@click.option("-o", "--output", metavar="PATH", shell_complete=complete_file, help="Write to a file instead.")
+@common_options
+@pass_settings
+def spectrum(
+    settings: Settings,
+    ref: str,
+    metric: str,
+    modes: int | None,
+    full: bool,
+    convergence: bool,
+    style: str | None,
+    output: str | None,
+) -> int:
+    """Eigenvalues of a STATE, its modes by name, and whether it is stable.
+
+    Modes are rotations, sliding along the band, checkerboards of the discretisation, and others, with signs
+    under each symmetry that the state has. With --convergence, a table of a RUN over N.
+    """
+    if settings.json and style not in (None, "json"):
+        raise UsageError(f"--json and --format {style} exclude each other: give one")
+    style = "json" if settings.json else style or "text"
+    if full and (convergence or modes):
+        raise UsageError("--full lists every mode: leave out --modes and --convergence")
+    if output is not None:
+        check_target(output, overwrite=True)
+    if convergence:
+        document, failures = _converge(settings, ref, metric, modes)
+    else:
+        document, failures = _analyse(settings, ref, metric, modes, full), []
+    _write(settings, document, style, output)
+    for failure in failures:
+        complain(f"ribbon: {failure}")
+    return TargetError.exit_code if failures else 0
+
+
+def _analyse(settings: Settings, ref: str, metric: str, modes: int | None, full: bool) -> dict[str, Any]:
+    """One state's document."""
+    from ribbon_cli.api import open_state
+    from ribbon_cli.study import document_of, stability_of
+
+    run, record, _ = open_state(ref, settings.runs)
+    found = stability_of(record, metric, modes or 12, full)
+    return document_of(record, found, run.name if run else None)
+
+
+def _converge(
+    settings: Settings, ref: str, metric: str, modes: int | None
+) -> tuple[dict[str, Any], list[str]]:
+    """A run's document, and which states were left out."""
+    from ribbon_cli.store import find_run
+    from ribbon_cli.study import spectral_convergence
+
+    run = find_run(settings.root, ref)
+    table = spectral_convergence(run, metric, modes or 6)
+    document = {
+        "run": run.name,
+        "metric": table.metric,
+        "formula": table.formula,
+        "sequences": [asdict(item) for item in table.sequences],
+        "notes": list(table.notes),
+    }
+    return document, list(table.uncertified)
+
+
+def _write(settings: Settings, document: dict[str, Any], style: str, output: str | None) -> None:
+    """Print a document, or write it to a file."""
+    import json
+
+    from ribbon_cli.report.spectra import CONVERGENCE, SPECTRUM
+    from ribbon_cli.store import write_atomic
+    from ribbon_cli.store.log import to_json
+
+    if style == "json" and output is None:
+        emit_json(document)
+        return
+    renderers = CONVERGENCE if "sequences" in document else SPECTRUM
+    text = json.dumps(to_json(document), indent=2) + "\n" if style == "json" else renderers[style](document)
+    if output is None:
+        emit(text)
+        return
+    write_atomic(output, text.encode(), overwrite=True)
+    say(settings, f"wrote {output}")

@@ -1,0 +1,189 @@
+"""Spectra and their convergence as text, Markdown and CSV: plain documents in, text out."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
+
+Document = Mapping[str, Any]
+"""What `--json` prints, of which the other formats show the most of."""
+
+MISSING = "-"
+
+
+def spectrum_text(document: Document) -> str:
+    """A state's modes in columns, its symmetry, and the verdict as the last line."""
+    return (
+        "\n".join([*_heading(document), "", _aligned(_spectrum_rows(document)), "", document["verdict"]])
+        + "\n"
+    )
+
+
+def spectrum_markdown(document: Document) -> str:
+    """The same with a pipe table."""
+    heading = [f"{line}  " for line in _heading(document)]
+    return (
+        "\n".join([*heading, "", _pipes(_spectrum_rows(document)), "", f"**{document['verdict']}**"]) + "\n"
+    )
+
+
+def spectrum_csv(document: Document) -> str:
+    """One line a mode, numbers to full precision; `position` spreads the modes evenly on [0, 1]."""
+    modes = document["modes"]
+    last = max(len(modes) - 1, 1)
+    names = document["symmetries"]
+    rows = [
+        {
+            "number": k + 1,
+            "position": k / last,
+            **{
+                key: mode[key] for key in ("value", "bound", "residual", "label", "sliding_overlap", "hidden")
+            },
+            **{name: mode["symmetry"].get(name, "") for name in names},
+        }
+        for k, mode in enumerate(modes)
+    ]
+    return _csv(rows)
+
+
+def convergence_text(document: Document) -> str:
+    """Sequences of eigenvalues by half-width, a column for each N, with orders and limits."""
+    blocks = []
+    for half_width, rows in _by_width(document):
+        blocks.append(
+            f"b = {half_width:g}, {document['metric']} metric: {document['formula']}\n{_aligned(rows)}"
+        )
+        blocks += [_reasons(document, half_width)]
+    if document["notes"]:
+        blocks.append("\n".join(document["notes"]))
+    return "\n\n".join(blocks) + "\n"
+
+
+def convergence_markdown(document: Document) -> str:
+    """The same with pipe tables."""
+    blocks = []
+    for half_width, rows in _by_width(document):
+        blocks.append(f"b = {half_width:g}, {document['metric']} metric\n\n{_pipes(rows)}")
+    blocks += [f"- {note}" for note in document["notes"]]
+    return "\n\n".join(blocks) + "\n"
+
+
+def convergence_csv(document: Document) -> str:
+    """One line for each eigenvalue at each N, numbers to full precision."""
+    rows = [
+        {
+            "half_width": item["half_width"],
+            "label": item["label"],
+            "number": item["number"],
+            "parity": item["parity"],
+            "segments": n,
+            "value": item["values"][k],
+            "bound": item["bounds"][k],
+            "sliding_overlap": item["overlaps"][k],
+            "order": "" if item["orders"][k] is None else item["orders"][k],
+            "limit": "" if item["limit"] is None else item["limit"],
+            "error": "" if item["error"] is None else item["error"],
+            "settled": item["settled"],
+        }
+        for item in document["sequences"]
+        for k, n in enumerate(item["segments"])
+    ]
+    return _csv(rows)
+
+
+SPECTRUM: dict[str, Callable[[Document], str]] = {
+    "text": spectrum_text,
+    "markdown": spectrum_markdown,
+    "csv": spectrum_csv,
+}
+CONVERGENCE: dict[str, Callable[[Document], str]] = {
+    "text": convergence_text,
+    "markdown": convergence_markdown,
+    "csv": convergence_csv,
+}
+"""Renderers by the name a user gives."""
+
+
+def _heading(document: Document) -> list[str]:
+    symmetry = document["symmetry"]
+    place = f"b = {document['half_width']:g}, N = {document['segments']}, {document['discretisation']}"
+    lines = [
+        f"{place}; {document['metric']} metric: {document['formula']}",
+        f"symmetry {symmetry['group']}, order {symmetry['order']}, residual {symmetry['residual']:.0e}",
+    ]
+    if symmetry["nearly"] != symmetry["group"]:
+        lines[-1] += f"; {symmetry['nearly']} but for {symmetry['near_residual']:.1e}"
+    return lines
+
+
+def _spectrum_rows(document: Document) -> list[list[str]]:
+    names = document["symmetries"]
+    rows = [["", "value", "+-", "label", "sliding", "hidden", *names]]
+    for k, mode in enumerate(document["modes"], 1):
+        figures = [f"{mode['value']:.8g}", f"{mode['bound']:.0e}", mode["label"]]
+        shares = [f"{mode['sliding_overlap']:.4f}", f"{mode['hidden']:.3f}"]
+        rows.append([str(k), *figures, *shares, *(_sign(mode["symmetry"].get(name)) for name in names)])
+    return rows
+
+
+def _sign(character: float | None) -> str:
+    """+ for symmetric, - for antisymmetric, else the number."""
+    if character is None:
+        return ""
+    return "+" if character > 0.999 else "-" if character < -0.999 else f"{character:.2f}"
+
+
+def _by_width(document: Document) -> Iterable[tuple[float, list[list[str]]]]:
+    """For each half-width the rows of its table, heads first."""
+    widths = dict.fromkeys(item["half_width"] for item in document["sequences"])
+    for half_width in widths:
+        items = [item for item in document["sequences"] if item["half_width"] == half_width]
+        grid = sorted({n for item in items for n in item["segments"]})
+        rows = [["mode", "parity", *(f"N = {n}" for n in grid), "orders", "limit"]]
+        for item in items:
+            known = dict(zip(item["segments"], item["values"], strict=True))
+            orders = [MISSING if o is None else f"{o:.2f}" for o in item["orders"]]
+            name = item["label"] if item["label"] == "sliding" else f"{item['label']} {item['number']}"
+            values = [f"{known[n]:.7g}" if n in known else MISSING for n in grid]
+            rows.append([name, item["parity"] or MISSING, *values, " ".join(orders), _limit(item)])
+        yield half_width, rows
+
+
+def _limit(item: Document) -> str:
+    if item["label"] == "sliding":
+        return "0"
+    if item["limit"] is None:
+        return MISSING
+    return f"{item['limit']:.7g}" + (f" +- {item['error']:.0e}" if item["error"] is not None else "")
+
+
+def _reasons(document: Document, half_width: float) -> str:
+    """Why limits are taken as settled or not, each reason once."""
+    reasons: dict[str, list[str]] = {}
+    for item in document["sequences"]:
+        if item["half_width"] == half_width and item["label"] != "checkerboard" and not item["settled"]:
+            name = item["label"] if item["label"] == "sliding" else f"mode {item['number']}"
+            reasons.setdefault(item["reason"], []).append(name)
+    return "\n".join(f"{', '.join(names)}: {reason}" for reason, names in reasons.items())
+
+
+def _aligned(rows: Sequence[Sequence[str]]) -> str:
+    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+    lines = ("  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)) for row in rows)
+    return "\n".join(line.rstrip() for line in lines)
+
+
+def _pipes(rows: Sequence[Sequence[str]]) -> str:
+    lines = [rows[0], ["---:"] * len(rows[0]), *rows[1:]]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def _csv(rows: list[dict[str, Any]]) -> str:
+    out = io.StringIO()
+    if rows:
+        writer = csv.DictWriter(out, list(rows[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+    return out.getvalue()

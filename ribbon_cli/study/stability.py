@@ -1,0 +1,338 @@
+"""What a stored state's spectrum says: modes with names, and a verdict in a sentence.
+
+Signs decide stability, and a sign is believed only where the value stands clear of its error bound and the
+block reduction's inertia counts the same. Everything is computed from the stored state; nothing is written.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from scipy import linalg
+
+from ..errors import TargetError, UsageError
+from ..model.band import Array, State
+from ..model.metrics import METRICS, metric_named
+from ..model.problem import LocalDerivatives, Problem
+from ..model.symmetry import Symmetry, SymmetryGroup, find_symmetries
+from ..solver.inertia import Inertia, inertia
+from ..solver.kkt import KKTMatrix
+from ..solver.linear import FactorisationError
+from ..solver.newton import Options, inverted_facets
+from ..solver.spectra import Spectrum, full_spectra, lowest_spectrum
+from ..store import StateRecord
+from .records import multipliers_of, state_of
+
+DEFAULT_METRIC = "physical"
+DEFAULT_MODES = 12
+LARGEST_FULL = 1600
+"""Most segments of a full spectrum: dense algebra takes minutes and gigabytes beyond."""
+SAME_VALUE = 1e-6
+"""Relative difference up to which eigenvalues count as one multiple eigenvalue."""
+LISTED = 64
+"""Most exact symmetries listed one by one; a ring has 4N."""
+CLEAR = 1e-3
+"""Distance of a mode's character from +1 or -1 up to which it is called symmetric or antisymmetric."""
+
+
+@dataclass(frozen=True)
+class Mode:
+    """One mode. `bound` limits the error of `value`, roundoff included; `residual` leaves roundoff out.
+
+    `hidden` is the share of the mode's xi that the energy does not see (checkerboard modes: above 1/2).
+    `symmetry` gives for each symmetry of the state by name <v, T v> in [-1, 1]: +1 symmetric, -1
+    antisymmetric, in between for modes of a multiple eigenvalue that the symmetry mixes.
+    """
+
+    value: float
+    residual: float
+    bound: float
+    label: str
+    sliding_overlap: float
+    hidden: float
+    symmetry: dict[str, float]
+
+    @property
+    def parity(self) -> str:
+        """Signs under each symmetry in words, one letter each: s, a, or x where neither."""
+        return "".join(
+            "s" if c > 1 - CLEAR else "a" if c < CLEAR - 1 else "x" for c in self.symmetry.values()
+        )
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """`kind` is stable, unstable or undecided, `sentence` says it with its reasons.
+
+    `negative` is the number of negative eigenvalues, rotations left out, None where undecided; `gap` the
+    lowest eigenvalue apart from rotations, sliding and checkerboard modes, if it was computed.
+    """
+
+    kind: str
+    sentence: str
+    negative: int | None
+    gap: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class Stability:
+    """The spectrum of a state in one metric, with modes named and the verdict.
+
+    `vectors` (m, N, 7) are the lowest m modes, (u, g, xi) per node, of unit length in the metric, in the
+    order of `modes`; `state` is what they move.
+    """
+
+    state: State
+    metric: str
+    formula: str
+    complete: bool
+    modes: tuple[Mode, ...]
+    vectors: Array
+    symmetries: SymmetryGroup
+    symmetry_names: tuple[str, ...]
+    inertia: Inertia
+    verdict: Verdict
+
+
+def stability_of(
+    record: StateRecord, metric: str = DEFAULT_METRIC, modes: int = DEFAULT_MODES, full: bool = False
+) -> Stability:
+    """The lowest `modes` besides rotations of a stored state, or all of them if `full`, and the verdict.
+
+    Raises UsageError for an unknown metric, for auxiliary states and for a full spectrum of too many
+    segments; TargetError where the eigenvalues do not converge.
+    """
+    _check(record, metric, modes, full)
+    state = state_of(record)
+    problem, x = Problem(state.band), state.vector()
+    local = problem.local_derivatives(x, multipliers_of(record))
+    counted = inertia(KKTMatrix(problem, local, problem.rotations(x)))
+    spectrum = _spectrum(problem, x, local, metric, modes, full)
+    group = find_symmetries(state)
+    vectors = _adapted(state, spectrum, group)
+    named = dict(zip(_primed([s.name for s in group.generators()]), group.generators(), strict=True))
+    characters = _characters(state, metric, vectors, named)
+    found = tuple(
+        Mode(
+            float(spectrum.values[k]),
+            float(spectrum.residuals[k]),
+            float(spectrum.bounds[k]),
+            label,
+            float(spectrum.sliding_overlap[k]),
+            float(spectrum.hidden[k]),
+            {name: float(c[k]) for name, c in characters.items() if k < vectors.shape[0]},
+        )
+        for k, label in enumerate(spectrum.labels)
+    )
+    verdict = judge(found, counted, _doubts(record, problem, x), spectrum.complete)
+    return Stability(
+        state=state,
+        metric=metric,
+        formula=metric_named(metric).formula,
+        complete=spectrum.complete,
+        modes=found,
+        vectors=vectors,
+        symmetries=group,
+        symmetry_names=tuple(named),
+        inertia=counted,
+        verdict=verdict,
+    )
+
+
+def _check(record: StateRecord, metric: str, modes: int, full: bool) -> None:
+    if metric not in METRICS:
+        raise UsageError(f"no metric {metric!r}: there are {', '.join(METRICS)}")
+    if modes < 1:
+        raise UsageError(f"the number of modes must be at least 1, got {modes}")
+    if record.kind == "auxiliary":
+        raise UsageError("an auxiliary state, with prescribed rulings, has no spectrum of its own")
+    if full and record.segments > LARGEST_FULL:
+        raise UsageError(
+            f"a full spectrum takes at most {LARGEST_FULL} segments, this state has {record.segments}: "
+            "ask for --modes"
+        )
+
+
+def _spectrum(
+    problem: Problem, x: Array, local: LocalDerivatives, metric: str, modes: int, full: bool
+) -> Spectrum:
+    if full:
+        return full_spectra(problem, x, local, (metric,), 2 * problem.band.segments)[0]
+    try:
+        return lowest_spectrum(problem, x, local, metric, modes)
+    except FactorisationError as error:
+        raise TargetError(f"no spectrum in the {metric} metric: {error}") from error
+
+
+def _primed(names: list[str]) -> list[str]:
+    """Names made distinct by primes: C2, C2', C2''."""
+    return [name + "'" * names[:k].count(name) for k, name in enumerate(names)]
+
+
+def _adapted(state: State, spectrum: Spectrum, group: SymmetryGroup) -> Array:
+    """Modes (m, N, 7), turned inside multiple eigenvalues so that each has a parity under one symmetry.
+
+    The first symmetry of order two is taken; on the pairs of a band with an n-fold axis that is a twofold
+    axis or a mirror.
+    """
+    vectors = spectrum.vectors.copy()
+    twofold = next((s for s in group.generators() if s.name in ("C2", "sigma", "i")), None)
+    if twofold is None:
+        return vectors
+    mass = metric_named(spectrum.metric).matrix(state)
+    values, labels = spectrum.values[: vectors.shape[0]], spectrum.labels
+    for first, last in _clusters(values, labels):
+        block = vectors[first:last].reshape(last - first, -1).T
+        image = _image(twofold, state, block)
+        form = block.T @ (mass @ image)
+        _, y = linalg.eigh(0.5 * (form + form.T))
+        vectors[first:last] = (block @ y[:, ::-1]).T.reshape(last - first, *vectors.shape[1:])
+    return vectors
+
+
+def _clusters(values: Array, labels: tuple[str, ...]) -> list[tuple[int, int]]:
+    """Ranges of equal eigenvalues of modes of one label."""
+    found, first = [], 0
+    for k in range(1, values.size + 1):
+        if (
+            k == values.size
+            or labels[k] != labels[first]
+            or values[k] - values[first] > SAME_VALUE * abs(values[k])
+        ):
+            if k - first > 1:
+                found.append((first, k))
+            first = k
+    return found
+
+
+def _image(symmetry: Symmetry, state: State, block: Array) -> Array:
+    """T v of moves (7N, k)."""
+    n = state.band.segments
+    moved = symmetry.apply(block.reshape(n, 7, -1), state.band.sigma)
+    return moved.reshape(block.shape)
+
+
+def _characters(state: State, metric: str, vectors: Array, named: dict[str, Symmetry]) -> dict[str, Array]:
+    """<v, T v> (m,) of modes of unit length for each symmetry."""
+    mass = metric_named(metric).matrix(state)
+    block = vectors.reshape(vectors.shape[0], -1).T
+    size = np.maximum(np.einsum("ij,ij->j", block, mass @ block), np.finfo(float).tiny)
+    return {
+        name: np.einsum("ij,ij->j", block, mass @ _image(symmetry, state, block)) / size
+        for name, symmetry in named.items()
+    }
+
+
+def _doubts(record: StateRecord, problem: Problem, x: Array) -> list[str]:
+    """Why the state is no stationary band, whatever its spectrum says."""
+    tolerance = Options().tolerance
+    doubts = []
+    for name, residual in (("gradient", record.kkt_residual), ("constraints", record.constraint_residual)):
+        if not residual <= tolerance:
+            doubts.append(f"the state is not stationary ({name} {residual:.1e}, tolerance {tolerance:.0e})")
+    if (inverted_facets(problem, x) <= 0).any():
+        doubts.append("a facet is turned inside out")
+    return doubts
+
+
+def judge(modes: tuple[Mode, ...], counted: Inertia, doubts: list[str], complete: bool) -> Verdict:
+    """The verdict on modes in ascending order, rotations among them, and the inertia of W_c.
+
+    `doubts` are reasons against any verdict; `complete` says that the modes are all there are.
+    """
+    doubts = list(doubts)
+    others = [mode for mode in modes if mode.label != "rotation"]
+    unsure = [mode for mode in others if abs(mode.value) <= mode.bound]
+    negative = [mode for mode in others if mode.value < -mode.bound]
+    doubts += [
+        f"{_called(mode)} has {mode.value:.1e}, under its error bound {mode.bound:.1e}" for mode in unsure
+    ]
+    if not counted.trusted:
+        doubts.append(f"the inertia is not trusted (pivot gap {counted.gap:.1e})")
+    elif not unsure and counted.negative != len(negative):
+        more = counted.negative > len(negative) and len(negative) == len(others) and not complete
+        if not more:
+            doubts.append(f"the inertia counts {counted.negative} negative, the spectrum {len(negative)}")
+    gap = next((mode.value for mode in others if mode.label == "mode"), None)
+    if doubts:
+        words = "undecided: " + "; ".join(doubts)
+        rest = [mode for mode in others if mode not in unsure]
+        if unsure and rest and all(mode.value > mode.bound for mode in rest):
+            words += f"; all other modes are positive, the lowest {rest[0].value:.6g}"
+        return Verdict("undecided", words, None, gap)
+    if counted.negative:
+        return Verdict("unstable", _unstable(negative, counted.negative), counted.negative, gap)
+    return Verdict("stable", _stable(others, gap), 0, gap)
+
+
+def _called(mode: Mode) -> str:
+    return {"mode": "a mode", "sliding": "the sliding mode"}.get(mode.label, f"a {mode.label} mode")
+
+
+def _unstable(negative: list[Mode], count: int) -> str:
+    shown = "; ".join(f"{_called(mode)} has {mode.value:.6g}" for mode in negative[:4])
+    words = f"index {count}: no minimum, {shown}" + ("; ..." if count > 4 else "")
+    if count == 1 and negative[0].label == "sliding":
+        words += (
+            ". The only way down is along the band: a saddle of the grid, with a lower twin half a facet on"
+        )
+    return words
+
+
+def _stable(others: list[Mode], gap: float | None) -> str:
+    shown = "not among the modes computed" if gap is None else f"{gap:.6g}"
+    words = f"stable minimum modulo symmetries with gap {shown}"
+    sliding = [mode for mode in others if mode.label == "sliding"]
+    checkerboard = [mode for mode in others if mode.label == "checkerboard"]
+    if sliding:
+        words += f"; sliding, free in the continuum, costs {sliding[0].value:.3g} on this grid"
+    if checkerboard:
+        words += f"; checkerboard modes of the discretisation: {len(checkerboard)}, from {checkerboard[0].value:.6g}"
+    return words
+
+
+def document_of(record: StateRecord, found: Stability, run: str | None) -> dict[str, Any]:
+    """What `ribbon spectrum STATE --json` prints: plain values, arrays left out."""
+    group = found.symmetries
+    return {
+        "run": run,
+        "label": record.label,
+        "half_width": record.half_width,
+        "segments": record.segments,
+        "discretisation": record.discretisation,
+        "metric": found.metric,
+        "formula": found.formula,
+        "complete": found.complete,
+        "negative": found.verdict.negative,
+        "stability": found.verdict.kind,
+        "gap": found.verdict.gap,
+        "verdict": found.verdict.sentence,
+        "inertia": {
+            "negative": found.inertia.negative,
+            "pivot_gap": found.inertia.gap,
+            "trusted": found.inertia.trusted,
+        },
+        "symmetry": {
+            "group": group.name,
+            "order": group.order,
+            "residual": group.residual,
+            "nearly": group.near_name,
+            "near_residual": group.near_residual,
+            "elements": [
+                {
+                    "name": s.name,
+                    "matrix": s.matrix.tolist(),
+                    "shift": s.shift,
+                    "reverse": s.reverse,
+                    "flip": s.flip,
+                    "residual": s.residual,
+                    "exact": s.exact,
+                }
+                for s in (*group.exact[:LISTED], *group.near)
+            ],
+        },
+        "symmetries": list(found.symmetry_names),
+        "modes": [asdict(mode) for mode in found.modes],
+    }
