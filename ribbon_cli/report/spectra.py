@@ -156,7 +156,8 @@ def _limit(item: Document) -> str:
         return "0"
     if item["limit"] is None:
         return MISSING
-    return f"{item['limit']:.7g}" + (f" +- {item['error']:.0e}" if item["error"] is not None else "")
+    bar = "" if item["error"] is None else f" +- {item['error']:.0e}"
+    return f"{item['limit']:.7g}{bar}" + ("" if item["settled"] else " ?")
 
 
 def _reasons(document: Document, half_width: float) -> str:

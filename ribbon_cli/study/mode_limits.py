@@ -134,7 +134,10 @@ def _sequences(
 def _reason(label: str, limit: Extrapolation | None) -> str:
     if label == "sliding":
         return "a symmetry of the continuum, which has it at zero"
-    return "of the discretisation, without a limit" if limit is None else limit.reason
+    if limit is None:
+        return "of the discretisation, without a limit"
+    # The judgement is that of energies, whose sentences name them.
+    return limit.reason.replace("E_2N - E_N", "from N to 2N").replace("energies", "values")
 
 
 def _limit(half_width: float, label: str, known: dict[int, float], length: float) -> Extrapolation:

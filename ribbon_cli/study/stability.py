@@ -289,7 +289,7 @@ def _stable(others: list[Mode], gap: float | None) -> str:
     if sliding:
         words += f"; sliding, free in the continuum, costs {sliding[0].value:.3g} on this grid"
     if checkerboard:
-        words += f"; checkerboard modes of the discretisation: {len(checkerboard)}, from {checkerboard[0].value:.6g}"
+        words += f"; {len(checkerboard)} checkerboard, of the discretisation, from {checkerboard[0].value:.6g}"
     return words
 
 
