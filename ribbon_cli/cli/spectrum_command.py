@@ -10,6 +10,7 @@ import click
 from ribbon_cli.cli.completion import complete_any, complete_file
 from ribbon_cli.cli.output import check_target, complain, emit, emit_json, say
 from ribbon_cli.cli.settings import Settings, common_options, pass_settings
+from ribbon_cli.cli.store_commands import names_state
 from ribbon_cli.errors import TargetError, UsageError
 
 METRICS = ("physical", "euclidean", "folding")
@@ -20,7 +21,7 @@ _FORMATS = ("text", "markdown", "csv", "json")
 @click.argument("ref", metavar="STATE|RUN", shell_complete=complete_any)
 @click.option("--metric", type=click.Choice(METRICS), default="physical", show_default=True)
 @click.option("--modes", metavar="K", type=click.IntRange(1), help="Lowest modes; default 12, convergence 6.")
-@click.option("--full", is_flag=True, help="All 2N-3 eigenvalues, by dense algebra.")
+@click.option("--full", is_flag=True, help="All 2N-3 eigenvalues, by dense algebra; of a RUN, at each N.")
 @click.option("--convergence", is_flag=True, help="Of a RUN: the lowest eigenvalues over N, orders, limits.")
 @click.option("--format", "style", type=click.Choice(_FORMATS), help="Default: text.")
 @click.option("-o", "--output", metavar="PATH", shell_complete=complete_file, help="Write to a file instead.")
@@ -50,6 +51,8 @@ def spectrum(
         check_target(output, overwrite=True)
     if convergence:
         document, failures = _converge(settings, ref, metric, modes)
+    elif full and not names_state(ref):
+        document, failures = _all_of_run(settings, ref, metric), []
     else:
         document, failures = _analyse(settings, ref, metric, modes, full), []
     _write(settings, document, style, output)
@@ -66,6 +69,17 @@ def _analyse(settings: Settings, ref: str, metric: str, modes: int | None, full:
     run, record, _ = open_state(ref, settings.runs)
     found = stability_of(record, metric, modes or 12, full)
     return document_of(record, found, run.name if run else None)
+
+
+def _all_of_run(settings: Settings, ref: str, metric: str) -> dict[str, Any]:
+    """The documents of all of a run's equilibria."""
+    from ribbon_cli.store import find_run
+    from ribbon_cli.study import document_of, run_spectra
+
+    run = find_run(settings.root, ref)
+    found = run_spectra(run, metric)
+    states = [document_of(record, stability, run.name) for record, stability in found]
+    return {"run": run.name, "metric": metric, "states": states}
 
 
 def _converge(
@@ -91,15 +105,18 @@ def _write(settings: Settings, document: dict[str, Any], style: str, output: str
     """Print a document, or write it to a file."""
     import json
 
-    from ribbon_cli.report.spectra import CONVERGENCE, SPECTRUM
+    from ribbon_cli.report.spectra import renderers
     from ribbon_cli.store import write_atomic
     from ribbon_cli.store.log import to_json
 
     if style == "json" and output is None:
         emit_json(document)
         return
-    renderers = CONVERGENCE if "sequences" in document else SPECTRUM
-    text = json.dumps(to_json(document), indent=2) + "\n" if style == "json" else renderers[style](document)
+    text = (
+        json.dumps(to_json(document), indent=2) + "\n"
+        if style == "json"
+        else renderers(document)[style](document)
+    )
     if output is None:
         emit(text)
         return

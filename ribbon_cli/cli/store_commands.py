@@ -110,7 +110,7 @@ def show(settings: Settings, ref: str) -> None:
     """
     from ribbon_cli.cli.render import history_lines, listing, status_in_words
 
-    if _names_state(ref):
+    if names_state(ref):
         document = _show_state(settings, ref)
         words: dict[str, Any] = {"status": status_in_words(document)}
     else:
@@ -119,7 +119,7 @@ def show(settings: Settings, ref: str) -> None:
     emit_json(document) if settings.json else emit(listing({**document, **words}))
 
 
-def _names_state(ref: str) -> bool:
+def names_state(ref: str) -> bool:
     """Whether a reference is to a state rather than a run."""
     if os.path.isdir(ref):
         return False

@@ -93,17 +93,43 @@ def convergence_csv(document: Document) -> str:
     return _csv(rows)
 
 
-SPECTRUM: dict[str, Callable[[Document], str]] = {
-    "text": spectrum_text,
-    "markdown": spectrum_markdown,
-    "csv": spectrum_csv,
-}
-CONVERGENCE: dict[str, Callable[[Document], str]] = {
-    "text": convergence_text,
-    "markdown": convergence_markdown,
-    "csv": convergence_csv,
-}
-"""Renderers by the name a user gives."""
+def run_text(document: Document) -> str:
+    """A line for each state: how its spectrum ends below, and how many modes are checkerboards."""
+    rows = [["b", "N", "rule", "modes", "lowest", "lowest/h", "hidden modes", "under 1e-2 of the median"]]
+    for state in document["states"]:
+        values = sorted(mode["value"] for mode in state["modes"] if mode["label"] != "rotation")
+        hidden = sum(mode["label"] == "checkerboard" for mode in state["modes"])
+        small = sum(value < 1e-2 * values[len(values) // 2] for value in values)
+        figures = [f"{values[0]:.6g}", f"{values[0] / state['h']:.6g}", str(hidden), str(small)]
+        place = [f"{state['half_width']:g}", str(state["segments"]), state["discretisation"]]
+        rows.append([*place, str(len(values)), *figures])
+    return f"{document['metric']} metric, all eigenvalues besides rotations\n\n{_aligned(rows)}\n"
+
+
+def run_markdown(document: Document) -> str:
+    """The states one after the other, each with its table."""
+    return "\n".join(spectrum_markdown(state) for state in document["states"])
+
+
+def run_csv(document: Document) -> str:
+    """One line a mode, with its state in front: the data of Koldaev (2022), Figure 3.14."""
+    rows = []
+    for state in document["states"]:
+        modes = [mode for mode in state["modes"] if mode["label"] != "rotation"]
+        place = {key: state[key] for key in ("half_width", "segments", "discretisation")}
+        for k, mode in enumerate(modes):
+            figures = {key: mode[key] for key in ("value", "bound", "label", "sliding_overlap", "hidden")}
+            rows.append({**place, "position": k / max(len(modes) - 1, 1), **figures})
+    return _csv(rows)
+
+
+def renderers(document: Document) -> dict[str, Callable[[Document], str]]:
+    """Renderers by the name a user gives: of one state, of a run's convergence, of all of a run's states."""
+    if "sequences" in document:
+        return {"text": convergence_text, "markdown": convergence_markdown, "csv": convergence_csv}
+    if "states" in document:
+        return {"text": run_text, "markdown": run_markdown, "csv": run_csv}
+    return {"text": spectrum_text, "markdown": spectrum_markdown, "csv": spectrum_csv}
 
 
 def _heading(document: Document) -> list[str]:

@@ -80,6 +80,25 @@ def _sliding(problem: Problem, x: Array, mass: sparse.csr_matrix, rotations: Arr
     return out
 
 
+def metric_diagonal(problem: Problem, metric: str) -> Array:
+    """Diagonal (7N,) of a metric that is the same at all states: `euclidean` or `physical`.
+
+    Raises ValueError for any other.
+    """
+    if metric not in ("euclidean", "physical"):
+        raise ValueError(f"the metric {metric!r} is not diagonal")
+    blank = problem.state(np.zeros(problem.size))
+    out: Array = metric_named(metric).matrix(blank).diagonal()
+    return out
+
+
+def sliding_overlap(problem: Problem, x: Array, vector: Array) -> float:
+    """Cosine, 0 to 1, between a move (7N,) and sliding along the band, in the physical metric."""
+    mass = metric_named("physical").matrix(problem.state(x))
+    covector = _sliding(problem, x, mass, problem.rotations(x))
+    return min(1.0, abs(float(covector @ vector)) / float(lengths(mass, vector[:, None])[0]))
+
+
 def hidden_share(problem: Problem, vectors: Array) -> tuple[Array, Array]:
     """How much of each mode's xi the energy does not see, in [0, 1], and over how many facets, both (k,).
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from .given import given_band
-    from .mode_limits import SpectralTable, spectral_convergence
+    from .mode_limits import SpectralTable, run_spectra, spectral_convergence
     from .outcome import Outcome, Target
     from .plan import Plan, PlannedStage, plan_of
     from .progress import Progress
@@ -23,10 +23,11 @@ __all__ = [
     "SpectralTable",
     "Stability",
     "Target",
-    "given_band",
     "document_of",
+    "given_band",
     "plan_of",
     "refine_state",
+    "run_spectra",
     "solve_config",
     "spectral_convergence",
     "stability_of",
@@ -41,10 +42,11 @@ _HOMES = {
     "SpectralTable": "mode_limits",
     "Stability": "stability",
     "Target": "outcome",
-    "given_band": "given",
     "document_of": "stability",
+    "given_band": "given",
     "plan_of": "plan",
     "refine_state": "refine",
+    "run_spectra": "mode_limits",
     "solve_config": "solve",
     "spectral_convergence": "mode_limits",
     "stability_of": "stability",

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from ..errors import UsageError
 from ..report.convergence import Entry, Extrapolation, convergence_rows
-from ..store import Run
+from ..store import Run, StateRecord
 from .stability import DEFAULT_METRIC, Stability, stability_of
 from .table import table_entries
 
@@ -158,3 +158,18 @@ def _decay(known: dict[int, float], n: int) -> float | None:
     if 2 * n not in known or known[n] * known[2 * n] <= 0:
         return None
     return math.log2(known[n] / known[2 * n])
+
+
+def run_spectra(run: Run, metric: str) -> list[tuple[StateRecord, Stability]]:
+    """All 2N - 3 eigenvalues of each of a run's equilibria, the latest at each half-width and N.
+
+    In the Euclidean metric these are the data of Koldaev (2022), Figure 3.14. Raises UsageError for a run
+    without equilibria, or with one that has too many segments for dense algebra.
+    """
+    entries = table_entries(run)
+    if not entries:
+        raise UsageError(
+            f"{run.name} has no equilibria yet; `ribbon ls {run.short_name} --all` lists its states"
+        )
+    records = [run.load(int(entry.label or 0)) for entry in entries]
+    return [(record, stability_of(record, metric, full=True)) for record in records]

@@ -289,7 +289,8 @@ def _stable(others: list[Mode], gap: float | None) -> str:
     if sliding:
         words += f"; sliding, free in the continuum, costs {sliding[0].value:.3g} on this grid"
     if checkerboard:
-        words += f"; {len(checkerboard)} checkerboard, of the discretisation, from {checkerboard[0].value:.6g}"
+        lowest = checkerboard[0].value
+        words += f"; {len(checkerboard)} checkerboard modes, of the discretisation, from {lowest:.6g}"
     return words
 
 
@@ -301,6 +302,7 @@ def document_of(record: StateRecord, found: Stability, run: str | None) -> dict[
         "label": record.label,
         "half_width": record.half_width,
         "segments": record.segments,
+        "h": record.length / record.segments,
         "discretisation": record.discretisation,
         "metric": found.metric,
         "formula": found.formula,
