@@ -15,7 +15,7 @@ PIP := $(BIN)/python -m pip -qq --disable-pip-version-check
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup table-3.1 test test-minimum lint bench clean
+.PHONY: help setup table-3.1 checkerboard test test-minimum test-large lint bench clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z][a-z0-9.-]*\):.*## \(.*\)/make \1|\2/p' Makefile | awk -F'|' '{printf "%-16s %s\n", $$1, $$2}'
@@ -27,12 +27,24 @@ table-3.1: setup ## solve the pi-bands of Table 3.1 and print it beside the publ
 	@$(BIN)/ribbon convergence-table configs/mobius-pi.yaml --thesis \
 		--second-minimum mobius-pi-second-minimum@b=0.1,N=50
 
+# Both rules side by side: all Euclidean eigenvalues, then the lowest physical ones over N.
+STUDIED := ring ring-value-average mobius-pi-coarse mobius-pi-coarse-value-average
+checkerboard: setup ## spectra of Figure 3.14 under both rules, and the physical ones that converge
+	@for name in $(STUDIED); do \
+		$(BIN)/ribbon -q solve configs/$$name.yaml > /dev/null && echo "== $$name" && \
+		$(BIN)/ribbon spectrum $$name --full --metric euclidean && \
+		$(BIN)/ribbon spectrum $$name --convergence || exit; \
+	done
+
 test: $(READY_DEV) ## run the whole test suite
 	@$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile
 
 test-minimum: $(MINIMUM)/ready ## run the quick tests on the lowest supported versions
 	@$(MINIMUM)/bin/python -m pytest -m "not slow" \
 		--ignore=tests/test_resume.py --ignore=tests/test_study.py --ignore=tests/test_table_3_1.py
+
+test-large: $(READY_DEV) ## inertia, dense algebra and Lanczos at N = 400 and 800, a few minutes
+	@$(BIN)/python -m pytest -m large
 
 lint: $(READY_DEV) ## check style, format and types
 	@$(BIN)/ruff check .

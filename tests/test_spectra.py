@@ -138,6 +138,7 @@ def test_inertia_dense_algebra_and_lanczos_agree(segments: int, rule: Discretisa
     check_agreement(segments, rule)
 
 
+@pytest.mark.slow
 @pytest.mark.large
 @pytest.mark.parametrize("rule", RULES)
 @pytest.mark.parametrize("segments", [400, 800])

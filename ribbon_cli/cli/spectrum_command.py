@@ -14,7 +14,7 @@ from ribbon_cli.cli.store_commands import names_state
 from ribbon_cli.errors import TargetError, UsageError
 
 METRICS = ("physical", "euclidean", "folding")
-_FORMATS = ("text", "markdown", "csv", "json")
+_FORMATS = ("text", "markdown", "csv", "json", "npz")
 
 
 @click.command()
@@ -47,28 +47,42 @@ def spectrum(
     style = "json" if settings.json else style or "text"
     if full and (convergence or modes):
         raise UsageError("--full lists every mode: leave out --modes and --convergence")
+    if style == "npz" and (output is None or convergence or not names_state(ref)):
+        raise UsageError("--format npz holds the modes of one STATE: name it, and the file with -o")
     if output is not None:
-        check_target(output, overwrite=True)
+        check_target(output, overwrite=style != "npz")
     if convergence:
         document, failures = _converge(settings, ref, metric, modes)
     elif full and not names_state(ref):
         document, failures = _all_of_run(settings, ref, metric), []
     else:
-        document, failures = _analyse(settings, ref, metric, modes, full), []
+        document, failures = (
+            _analyse(settings, ref, metric, modes, full, output if style == "npz" else None),
+            [],
+        )
+        if style == "npz":
+            return 0
     _write(settings, document, style, output)
     for failure in failures:
         complain(f"ribbon: {failure}")
     return TargetError.exit_code if failures else 0
 
 
-def _analyse(settings: Settings, ref: str, metric: str, modes: int | None, full: bool) -> dict[str, Any]:
-    """One state's document."""
+def _analyse(
+    settings: Settings, ref: str, metric: str, modes: int | None, full: bool, archive: str | None
+) -> dict[str, Any]:
+    """One state's document; its modes go to the npz file `archive`, if that is asked for."""
     from ribbon_cli.api import open_state
-    from ribbon_cli.study import document_of, stability_of
+    from ribbon_cli.store import write_arrays
+    from ribbon_cli.study import arrays_of, document_of, stability_of
 
     run, record, _ = open_state(ref, settings.runs)
     found = stability_of(record, metric, modes or 12, full)
-    return document_of(record, found, run.name if run else None)
+    document = document_of(record, found, run.name if run else None)
+    if archive is not None:
+        write_arrays(archive, arrays_of(record, found, run.name if run else ""))
+        say(settings, f"wrote {archive}")
+    return document
 
 
 def _all_of_run(settings: Settings, ref: str, metric: str) -> dict[str, Any]:

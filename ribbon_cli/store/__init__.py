@@ -7,7 +7,7 @@ from ribbon_cli.store.atomic import write_atomic
 from ribbon_cli.store.content import content_sha256
 from ribbon_cli.store.hdf5 import decode, encode
 from ribbon_cli.store.layout import FORMAT, FORMAT_VERSION, layout_markdown
-from ribbon_cli.store.npz import export_npz, load_npz
+from ribbon_cli.store.npz import export_npz, load_npz, write_arrays
 from ribbon_cli.store.provenance import gather
 from ribbon_cli.store.record import KINDS, METRICS, SpectrumRecord, StateRecord
 from ribbon_cli.store.refs import find_run, list_runs, resolve_state, runs_root, suggest
@@ -35,5 +35,6 @@ __all__ = [
     "runs_root",
     "suggest",
     "summary",
+    "write_arrays",
     "write_atomic",
 ]

@@ -7,6 +7,7 @@ import math
 import struct
 import zipfile
 import zlib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -65,6 +66,16 @@ def export_npz(record: StateRecord, path: str | Path, overwrite: bool = False) -
         value = getattr(record, name)
         fields[name] = np.asarray(UNKNOWN if value is None else value)
     fields["content_sha256"] = np.asarray(content_sha256(record))
+    write_arrays(path, fields, overwrite)
+
+
+def write_arrays(path: str | Path, fields: Mapping[str, Any], overwrite: bool = False) -> None:
+    """Write arrays and scalars as an npz file; the same ones give the same bytes.
+
+    Raises StoreError when the file exists and is not to be overwritten, or cannot be written.
+    """
+    import numpy as np
+
     buffer = io.BytesIO()
     np.savez(buffer, **fields)
     write_atomic(path, buffer.getvalue(), overwrite=overwrite)

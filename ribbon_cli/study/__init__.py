@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from .progress import Progress
     from .refine import refine_state
     from .solve import solve_config
-    from .stability import Stability, document_of, stability_of
+    from .stability import Stability, arrays_of, document_of, stability_of
     from .table import table_entries
 
 __all__ = [
@@ -23,6 +23,7 @@ __all__ = [
     "SpectralTable",
     "Stability",
     "Target",
+    "arrays_of",
     "document_of",
     "given_band",
     "plan_of",
@@ -42,6 +43,7 @@ _HOMES = {
     "SpectralTable": "mode_limits",
     "Stability": "stability",
     "Target": "outcome",
+    "arrays_of": "stability",
     "document_of": "stability",
     "given_band": "given",
     "plan_of": "plan",

@@ -22,7 +22,8 @@ from ..solver.kkt import KKTMatrix
 from ..solver.linear import FactorisationError
 from ..solver.newton import Options, inverted_facets
 from ..solver.spectra import Spectrum, full_spectra, lowest_spectrum
-from ..store import StateRecord
+from ..store import StateRecord, content_sha256
+from ..store.npz import UNKNOWN
 from .records import multipliers_of, state_of
 
 DEFAULT_METRIC = "physical"
@@ -337,4 +338,34 @@ def document_of(record: StateRecord, found: Stability, run: str | None) -> dict[
         },
         "symmetries": list(found.symmetry_names),
         "modes": [asdict(mode) for mode in found.modes],
+    }
+
+
+def arrays_of(record: StateRecord, found: Stability, run: str) -> dict[str, Array]:
+    """Modes as arrays, with the state that they move and its hash: see docs/format.md."""
+    modes, verdict = found.modes, found.verdict
+    columns = ("value", "residual", "bound", "label", "sliding_overlap", "hidden")
+    names = ("values", "residuals", "bounds", "labels", "sliding_overlap", "hidden")
+    scalars = {
+        "metric": found.metric,
+        "complete": found.complete,
+        "verdict": verdict.sentence,
+        "negative_eigenvalues": UNKNOWN if verdict.negative is None else verdict.negative,
+        "half_width": record.half_width,
+        "length": record.length,
+        "sigma": record.sigma,
+        "discretisation": record.discretisation,
+        "run": run,
+        "label": record.label,
+        "content_sha256": content_sha256(record),
+    }
+    return {
+        **{
+            name: np.array([getattr(m, key) for m in modes]) for name, key in zip(names, columns, strict=True)
+        },
+        "vectors": found.vectors,
+        "u": found.state.u,
+        "g": found.state.g,
+        "xi": found.state.xi,
+        **{name: np.asarray(value) for name, value in scalars.items()},
     }
