@@ -12,8 +12,11 @@ from numeric_support import E3, Array, load, with_rule
 from ribbon_cli.model.band import Band, Discretisation, State
 from ribbon_cli.model.problem import LocalDerivatives, Problem
 from ribbon_cli.recipes.cylinder import cylinder
-from ribbon_cli.solver.newton import Options, solve
+from ribbon_cli.solver.kkt import KKTMatrix
+from ribbon_cli.solver.linear import Factor
+from ribbon_cli.solver.newton import Options, estimate_multipliers, solve
 from ribbon_cli.solver.prolongation import Phase, smooth
+from ribbon_cli.solver.saddle_free import newton_step
 from ribbon_cli.solver.status import Result
 
 RULES = tuple(Discretisation)
@@ -36,9 +39,17 @@ class Place:
 
 
 def settled(state: State) -> Place:
-    """Newton's method from a state, saddles not left."""
-    problem = Problem(state.band)
-    return Place(problem, solve(problem, state.vector(), options=Options(leave_saddles=0)))
+    """The nearest stationary point, a saddle or not: plain Newton steps, then the solver's judgement."""
+    problem, x = Problem(state.band), state.vector()
+    multipliers = estimate_multipliers(problem, x)
+    for _ in range(12):
+        local = problem.local_derivatives(x, multipliers)
+        factor = Factor(KKTMatrix(problem, local, problem.rotations(x)))
+        step, multipliers = newton_step(problem, local, multipliers, factor)
+        x = x + step
+        if np.abs(step).max() < 1e-12:
+            break
+    return Place(problem, solve(problem, x, multipliers, Options(leave_saddles=0)))
 
 
 def covered_ring(segments: int, times: int, half_width: float, rule: Discretisation) -> Place:
@@ -53,7 +64,7 @@ def covered_ring(segments: int, times: int, half_width: float, rule: Discretisat
 def pi_band(segments: int, rule: Discretisation, phase: Phase = Phase.FACET) -> Place:
     """The pi band at b = 0.5: the minimum, or the grid's saddle with the inflection on a node."""
     if segments > 50:
-        coarse = pi_band(max(50, segments // 8), rule).result.state
+        coarse = pi_band(max(50, segments // 2), rule).result.state
     else:
         coarse = with_rule(load("pi-b0.5-N50")[0], rule)
     return settled(smooth(coarse, segments, phase).state)

@@ -21,6 +21,7 @@ from .linear import FactorisationError
 
 CROWD = 2
 """Eigenvalues, relative to those wanted, that may lie between a shift and its mirror image."""
+CLOSE_STEPS = 40
 REFINEMENTS = 2
 ROUNDOFF = 8.0
 """Roundoff of a Rayleigh quotient in units of eps |v|^T |W| |v|: nine products of two factors a row, most of
@@ -84,11 +85,36 @@ class Pencil:
             size *= 4.0
         raise FactorisationError("no shift below all eigenvalues was found")
 
+    def close_shift(self, wanted: int) -> float:
+        """A shift below all eigenvalues, about as far from them as the `wanted` lowest spread.
+
+        Where many eigenvalues are nearly equal only such a one tells them apart; it takes some twenty counts.
+        Raises FactorisationError if no shift is found.
+        """
+        low = self.shift_below_all(wanted)
+        high = -low
+        while self._count_once(high) < wanted:
+            high *= 4.0
+        for _ in range(CLOSE_STEPS):
+            middle = 0.5 * (low + high)
+            count = self._count_once(middle)
+            if count == 0:
+                low = middle
+            elif count >= wanted:
+                high = middle
+            else:
+                break
+        return low - 0.5 * (high - low)
+
+    def _count_once(self, shift: float) -> int:
+        """A count whose factorisation is not kept."""
+        count = self.count_below(shift).negative
+        self._shifted.pop(shift)
+        return count
+
     def _crowded(self, size: float, wanted: int) -> bool:
         """Whether many more eigenvalues than wanted lie below `size`."""
-        crowded = self.count_below(size).negative > CROWD * wanted
-        self._shifted.pop(size)
-        return crowded
+        return self._count_once(size) > CROWD * wanted
 
     def residuals(self, values: Array, vectors: Array) -> Array:
         """Dual lengths (k,) of the residuals r = W v - mu M v of M-normalised modes (7N, k).

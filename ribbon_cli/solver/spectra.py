@@ -220,15 +220,20 @@ def _lowest(pencil: Pencil, count: int) -> _Found:
     shift = pencil.shift_below_all(count)
     vectors: Array | None = None
     for search in range(SEARCHES):
+        if search == 1:
+            shift = pencil.close_shift(count)
         known = 0 if vectors is None else vectors.shape[1]
-        new = largest_eigenpairs(
-            pencil.inverse(shift, refinements=0),
-            pencil.mass,
-            count,
-            dimension=dimension - known,
-            known=vectors,
-            seed=search,
-        )[1]
+        try:
+            new = largest_eigenpairs(
+                pencil.inverse(shift, refinements=0),
+                pencil.mass,
+                count,
+                dimension=dimension - known,
+                known=vectors,
+                seed=search,
+            )[1]
+        except FactorisationError:
+            continue  # too many nearly equal ones, seen from this shift
         values, vectors = _polished(pencil, shift, new if vectors is None else np.hstack((vectors, new)))
         if vectors.shape[1] >= dimension or _none_missing(pencil, values, count):
             values, vectors = values[:count], vectors[:, :count]
