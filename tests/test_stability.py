@@ -19,7 +19,8 @@ from ribbon_cli.solver.prolongation import Phase
 from ribbon_cli.store import Run, StateRecord
 from ribbon_cli.study.mode_limits import run_spectra, spectral_convergence
 from ribbon_cli.study.records import Clock, Reached, build_record
-from ribbon_cli.study.stability import Mode, Stability, document_of, judge, stability_of
+from ribbon_cli.study.stability import Stability, document_of, stability_of
+from ribbon_cli.study.verdict import Mode, judge
 
 VALUE_AVERAGE, THESIS = Discretisation.VALUE_AVERAGE, Discretisation.THESIS
 TRUSTED = Inertia(0, 1e-3)
@@ -152,6 +153,11 @@ def test_pairs_of_a_ring_are_told_apart_by_parity() -> None:
     half_turn = names.index("C2")
     signs = [m.parity[half_turn] for m in found.modes[3:]]
     assert all({a, b} == {"s", "a"} for a, b in zip(signs[::2], signs[1::2], strict=True))
+
+
+def test_a_pair_that_the_list_cuts_has_a_parity_too() -> None:
+    found = stability(ring_place(24, 0.3, VALUE_AVERAGE), modes=3)
+    assert abs(found.modes[-1].symmetry["C2"]) == pytest.approx(1.0)
 
 
 def test_modes_have_unit_length_and_their_values() -> None:

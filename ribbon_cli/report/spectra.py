@@ -158,7 +158,7 @@ def _sign(character: float | None) -> str:
     """+ for symmetric, - for antisymmetric, else the number."""
     if character is None:
         return ""
-    return "+" if character > 0.999 else "-" if character < -0.999 else f"{character:.2f}"
+    return "+" if character > 0.999 else "-" if character < -0.999 else f"{character:.3f}"
 
 
 def _by_width(document: Document) -> Iterable[tuple[float, list[list[str]]]]:

@@ -10,11 +10,11 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from scipy import linalg
+from scipy import linalg, sparse
 
 from ..errors import TargetError, UsageError
 from ..model.band import Array, State
-from ..model.metrics import METRICS, metric_named
+from ..model.metrics import METRICS, lengths, metric_named
 from ..model.problem import LocalDerivatives, Problem
 from ..model.symmetry import Symmetry, SymmetryGroup, find_symmetries
 from ..solver.inertia import Inertia, inertia
@@ -25,6 +25,7 @@ from ..solver.spectra import Spectrum, full_spectra, lowest_spectrum
 from ..store import StateRecord, content_sha256
 from ..store.npz import UNKNOWN
 from .records import multipliers_of, state_of
+from .verdict import Mode, Verdict, judge
 
 DEFAULT_METRIC = "physical"
 DEFAULT_MODES = 12
@@ -34,47 +35,6 @@ SAME_VALUE = 1e-6
 """Relative difference up to which eigenvalues count as one multiple eigenvalue."""
 LISTED = 64
 """Most exact symmetries listed one by one; a ring has 4N."""
-CLEAR = 1e-3
-"""Distance of a mode's character from +1 or -1 up to which it is called symmetric or antisymmetric."""
-
-
-@dataclass(frozen=True)
-class Mode:
-    """One mode. `bound` limits the error of `value`, roundoff included; `residual` leaves roundoff out.
-
-    `hidden` is the share of the mode's xi that the energy does not see (checkerboard modes: above 1/2).
-    `symmetry` gives for each symmetry of the state by name <v, T v> in [-1, 1]: +1 symmetric, -1
-    antisymmetric, in between for modes of a multiple eigenvalue that the symmetry mixes.
-    """
-
-    value: float
-    residual: float
-    bound: float
-    label: str
-    sliding_overlap: float
-    hidden: float
-    symmetry: dict[str, float]
-
-    @property
-    def parity(self) -> str:
-        """Signs under each symmetry in words, one letter each: s, a, or x where neither."""
-        return "".join(
-            "s" if c > 1 - CLEAR else "a" if c < CLEAR - 1 else "x" for c in self.symmetry.values()
-        )
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """`kind` is stable, unstable or undecided, `sentence` says it with its reasons.
-
-    `negative` is the number of negative eigenvalues, rotations left out, None where undecided; `gap` the
-    lowest eigenvalue apart from rotations, sliding and checkerboard modes, if it was computed.
-    """
-
-    kind: str
-    sentence: str
-    negative: int | None
-    gap: float | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,6 +144,7 @@ def _adapted(state: State, spectrum: Spectrum, group: SymmetryGroup) -> Array:
         return vectors
     mass = metric_named(spectrum.metric).matrix(state)
     values, labels = spectrum.values[: vectors.shape[0]], spectrum.labels
+    vectors[-1] = _one_parity(vectors[-1], twofold, state, mass)
     for first, last in _clusters(values, labels):
         block = vectors[first:last].reshape(last - first, -1).T
         image = _image(twofold, state, block)
@@ -191,6 +152,18 @@ def _adapted(state: State, spectrum: Spectrum, group: SymmetryGroup) -> Array:
         _, y = linalg.eigh(0.5 * (form + form.T))
         vectors[first:last] = (block @ y[:, ::-1]).T.reshape(last - first, *vectors.shape[1:])
     return vectors
+
+
+def _one_parity(mode: Array, twofold: Symmetry, state: State, mass: sparse.csr_matrix) -> Array:
+    """The larger of the symmetric and the antisymmetric part of a mode (N, 7), at unit length.
+
+    Of a pair that the list cuts in two, both parts are modes; any other mode has one part only.
+    """
+    v = mode.reshape(-1, 1)
+    image = _image(twofold, state, v)
+    part = v + image if float(np.sum(v * (mass @ image))) >= 0.0 else v - image
+    size = float(lengths(mass, part)[0])
+    return (part / size).reshape(mode.shape) if size > 0.0 else mode
 
 
 def _clusters(values: Array, labels: tuple[str, ...]) -> list[tuple[int, int]]:
@@ -236,63 +209,6 @@ def _doubts(record: StateRecord, problem: Problem, x: Array) -> list[str]:
     if (inverted_facets(problem, x) <= 0).any():
         doubts.append("a facet is turned inside out")
     return doubts
-
-
-def judge(modes: tuple[Mode, ...], counted: Inertia, doubts: list[str], complete: bool) -> Verdict:
-    """The verdict on modes in ascending order, rotations among them, and the inertia of W_c.
-
-    `doubts` are reasons against any verdict; `complete` says that the modes are all there are.
-    """
-    doubts = list(doubts)
-    others = [mode for mode in modes if mode.label != "rotation"]
-    unsure = [mode for mode in others if abs(mode.value) <= mode.bound]
-    negative = [mode for mode in others if mode.value < -mode.bound]
-    doubts += [
-        f"{_called(mode)} has {mode.value:.1e}, under its error bound {mode.bound:.1e}" for mode in unsure
-    ]
-    if not counted.trusted:
-        doubts.append(f"the inertia is not trusted (pivot gap {counted.gap:.1e})")
-    elif not unsure and counted.negative != len(negative):
-        more = counted.negative > len(negative) and len(negative) == len(others) and not complete
-        if not more:
-            doubts.append(f"the inertia counts {counted.negative} negative, the spectrum {len(negative)}")
-    gap = next((mode.value for mode in others if mode.label == "mode"), None)
-    if doubts:
-        words = "undecided: " + "; ".join(doubts)
-        rest = [mode for mode in others if mode not in unsure]
-        if unsure and rest and all(mode.value > mode.bound for mode in rest):
-            words += f"; all other modes are positive, the lowest {rest[0].value:.6g}"
-        return Verdict("undecided", words, None, gap)
-    if counted.negative:
-        return Verdict("unstable", _unstable(negative, counted.negative), counted.negative, gap)
-    return Verdict("stable", _stable(others, gap), 0, gap)
-
-
-def _called(mode: Mode) -> str:
-    return {"mode": "a mode", "sliding": "the sliding mode"}.get(mode.label, f"a {mode.label} mode")
-
-
-def _unstable(negative: list[Mode], count: int) -> str:
-    shown = "; ".join(f"{_called(mode)} has {mode.value:.6g}" for mode in negative[:4])
-    words = f"index {count}: no minimum, {shown}" + ("; ..." if count > 4 else "")
-    if count == 1 and negative[0].label == "sliding":
-        words += (
-            ". The only way down is along the band: a saddle of the grid, with a lower twin half a facet on"
-        )
-    return words
-
-
-def _stable(others: list[Mode], gap: float | None) -> str:
-    shown = "not among the modes computed" if gap is None else f"{gap:.6g}"
-    words = f"stable minimum modulo symmetries with gap {shown}"
-    sliding = [mode for mode in others if mode.label == "sliding"]
-    checkerboard = [mode for mode in others if mode.label == "checkerboard"]
-    if sliding:
-        words += f"; sliding, free in the continuum, costs {sliding[0].value:.3g} on this grid"
-    if checkerboard:
-        lowest = checkerboard[0].value
-        words += f"; {len(checkerboard)} checkerboard modes, of the discretisation, from {lowest:.6g}"
-    return words
 
 
 def document_of(record: StateRecord, found: Stability, run: str | None) -> dict[str, Any]:
