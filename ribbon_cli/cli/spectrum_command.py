@@ -37,10 +37,10 @@ def spectrum(
     style: str | None,
     output: str | None,
 ) -> int:
-    """Eigenvalues of a STATE, its modes by name, and whether it is stable.
+    """Eigenvalues, modes by name, and stability.
 
-    Modes are rotations, sliding along the band, checkerboards of the discretisation, and others, with signs
-    under each symmetry that the state has. With --convergence, a table of a RUN over N.
+    The modes of a STATE are rotations, sliding along the band, checkerboards of the discretisation and
+    others, with signs under each symmetry that it has. With --convergence, a table of a RUN over N.
     """
     if settings.json and style not in (None, "json"):
         raise UsageError(f"--json and --format {style} exclude each other: give one")
