@@ -15,7 +15,7 @@ PIP := $(BIN)/python -m pip -qq --disable-pip-version-check
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup table-3.1 test test-minimum lint bench clean
+.PHONY: help setup table-3.1 everted-cylinder test test-minimum lint bench clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z][a-z0-9.-]*\):.*## \(.*\)/make \1|\2/p' Makefile | awk -F'|' '{printf "%-16s %s\n", $$1, $$2}'
@@ -26,6 +26,14 @@ table-3.1: setup ## solve the pi-bands of Table 3.1 and print it beside the publ
 	@$(BIN)/ribbon solve configs/mobius-pi-second-minimum.yaml > /dev/null
 	@$(BIN)/ribbon convergence-table configs/mobius-pi.yaml --thesis \
 		--second-minimum mobius-pi-second-minimum@b=0.1,N=50
+
+# The branches of docs/everted-cylinder.md, from stored recipes to contact.
+EVERTED := 40 80 160 320 640 40a 80a 80b 80c 160a
+everted-cylinder: setup ## follow the branches of the everted cylinder: where it is stable, where not
+	@for n in $(EVERTED); do $(BIN)/ribbon solve configs/everted-branch-$$n.yaml || exit $$?; done
+	@for n in 40 80 160 320; do \
+		$(BIN)/ribbon continue "everted-branch-$$n@b=0.3,N=$$n" --to 1.0 --arclength --stop-at contact || exit $$?; \
+	done
 
 test: $(READY_DEV) ## run the whole test suite
 	@$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile

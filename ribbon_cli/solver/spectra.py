@@ -76,6 +76,14 @@ def _sliding(problem: Problem, x: Array, weights: Array, rotations: Array) -> Ar
     return out
 
 
+def sliding_overlap(problem: Problem, x: Array, vector: Array) -> float:
+    """Cosine, 0 to 1, between a vector (7N,) and sliding along the band, in the physical metric."""
+    weights = metric_diagonal(problem, "physical")
+    covector = _sliding(problem, x, weights, problem.rotations(x))
+    size = float(np.sqrt(vector @ (weights * vector)))
+    return min(1.0, abs(float(covector @ vector)) / size)
+
+
 def _assemble(
     metric: str,
     rotations: Array,

@@ -5,8 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from .branch_tables import courses
     from .given import given_band
-    from .outcome import Outcome, Target
+    from .onward import continue_state
+    from .outcome import Course, Outcome, Target
     from .plan import Plan, PlannedStage, plan_of
     from .progress import Progress
     from .refine import refine_state
@@ -14,11 +16,14 @@ if TYPE_CHECKING:
     from .table import table_entries
 
 __all__ = [
+    "Course",
     "Outcome",
     "Plan",
     "PlannedStage",
     "Progress",
     "Target",
+    "continue_state",
+    "courses",
     "given_band",
     "plan_of",
     "refine_state",
@@ -27,11 +32,14 @@ __all__ = [
 ]
 
 _HOMES = {
+    "Course": "outcome",
     "Outcome": "outcome",
     "Plan": "plan",
     "PlannedStage": "plan",
     "Progress": "progress",
     "Target": "outcome",
+    "continue_state": "onward",
+    "courses": "branch_tables",
     "given_band": "given",
     "plan_of": "plan",
     "refine_state": "refine",
