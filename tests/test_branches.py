@@ -158,6 +158,41 @@ def test_continue_from_a_saddle(given):
     assert (back["points"][-1]["index_before"], back["points"][-1]["index_after"]) == (1, 0)
 
 
+def test_natural_continuation_stops_before_the_fold(given):
+    """It keeps its last good state, and says what would go on."""
+    document = ribbon_json("continue", "one:1", "--to", "0.2", *given, code=3)
+    assert document["end"]["reason"] == "step-too-small"
+    assert "--arclength goes around folds" in document["end"]["message"]
+    assert document["end"]["half_width"] < FOLD
+    assert document["points"][-1]["half_width"] == document["end"]["half_width"] > 0.11
+    assert {point["status"] for point in document["points"]} == {"minimum"}
+    again = ribbon_json("continue", "one:1", "--to", "0.2", *given, code=3)
+    assert (again["new_states"], again["end"]) == (0, document["end"])
+
+
+def test_natural_continuation_meets_widths_and_locates_contact(tmp_path):
+    (tmp_path / "wide.yaml").write_text(
+        CONFIG.replace("name: fold", "name: wide")
+        .replace("widths:", "#")
+        .replace("0.1-N50-second-minimum", "0.5-N50")
+        .replace("half_twists: 1", "half_twists: -1")
+    )
+    options = ("--runs", tmp_path / "runs", "-q")
+    ribbon_json("solve", tmp_path / "wide.yaml", *options)
+    words = ("continue", "wide:1", "--to", "1.55", "--at", "1.2", "--stop-at", "contact", *options)
+    document = ribbon_json(*words)
+    assert document["end"]["reason"] == "contact"
+    # Past b = 1.2159 the minimum is the twin in the other grid phase; the branch itself touches at 1.4933.
+    assert document["end"]["half_width"] == pytest.approx(1.5043, abs=1e-4)
+    assert [p["half_width"] for p in document["points"] if p["type"] == "width"] == [1.2]
+    last = document["points"][-1]
+    assert (last["type"], last["self_contact"], last["status"]) == ("contact", True, "minimum")
+    states = ribbon_json("ls", "wide", "--all", *options)
+    free = max(state["half_width"] for state in states if not state["self_contact"])
+    assert 0.0 < last["half_width"] - free <= 1e-5
+    assert ribbon_json(*words)["new_states"] == 0
+
+
 def test_continue_with_too_few_steps_says_so(given):
     document = ribbon_json("continue", "one:1", "--to", "0.12", "--arclength", "--steps", "2", *given, code=3)
     assert document["end"]["reason"] == "steps"

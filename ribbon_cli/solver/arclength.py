@@ -137,11 +137,11 @@ class Point:
         ).contact
 
     def result(self, singular: str = "") -> Result:
-        """The point as the result of a solve; `singular` says what the point is where its index is not
+        """The point as the result of a solve; `singular` says what it is where its index is not
         defined.
 
-        A point at which the Hessian is singular is neither certified nor counted. Nor is one whose next Newton
-        step is long, as in `newton`: the stationary point may lie where the index is another.
+        A point at which the Hessian is singular is neither certified nor counted. Nor is one whose next
+        Newton step is long, as in `newton`: the stationary point may lie where the index is another.
         """
         negative = None if singular else self.negative
         detail = singular
