@@ -15,7 +15,7 @@ PIP := $(BIN)/python -m pip -qq --disable-pip-version-check
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup table-3.1 checkerboard test test-minimum test-large lint bench clean
+.PHONY: help setup table-3.1 checkerboard everted-cylinder test test-minimum test-large lint bench clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z][a-z0-9.-]*\):.*## \(.*\)/make \1|\2/p' Makefile | awk -F'|' '{printf "%-16s %s\n", $$1, $$2}'
@@ -34,6 +34,14 @@ checkerboard: setup ## spectra of Figure 3.14 under both rules, and the physical
 		$(BIN)/ribbon -q solve configs/$$name.yaml > /dev/null && echo "== $$name" && \
 		$(BIN)/ribbon spectrum $$name --full --metric euclidean && \
 		$(BIN)/ribbon spectrum $$name --convergence || exit; \
+	done
+
+# The branches of docs/everted-cylinder.md, from stored recipes to contact.
+EVERTED := 40 80 160 320 640 40a 80a 80b 80c 160a
+everted-cylinder: setup ## follow the branches of the everted cylinder: where it is stable, where not
+	@for n in $(EVERTED); do $(BIN)/ribbon solve configs/everted-branch-$$n.yaml || exit $$?; done
+	@for n in 40 80 160 320; do \
+		$(BIN)/ribbon continue "everted-branch-$$n@b=0.3,N=$$n" --to 1.0 --arclength --stop-at contact || exit $$?; \
 	done
 
 test: $(READY_DEV) ## run the whole test suite

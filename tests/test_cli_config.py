@@ -40,7 +40,10 @@ def test_init_lists_templates_and_near_misses():
     assert "no template 'rings'; did you mean ring?" in ribbon("init", "rings").stderr
     result = ribbon("init", "zzz")
     assert result.exit_code == 2
-    assert "there are everted-cylinder, mobius-3pi, mobius-pi-left, mobius-pi, ring" in result.stderr
+    assert (
+        "there are everted-branch, everted-cylinder, mobius-3pi, mobius-pi-left, mobius-pi, ring"
+        in result.stderr
+    )
 
 
 def test_check_prints_stages_and_cost(tmp_path):

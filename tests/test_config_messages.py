@@ -198,8 +198,9 @@ def schoenke(half_twists: int, segments: int, half_width: float) -> str:
         ),
         (
             changed("[0.1, 0.2, 0.5, 0.8, 1.0, 1.5]", "0.5"),
-            "mobius.yaml:6:9: widths: must be a list as [0.1, 0.2, 0.5] or a range as "
-            "{from: 0.1, to: 1.5, steps: 28}, got 0.5",
+            "mobius.yaml:6:9: widths: must be a list as [0.1, 0.2, 0.5], a range as "
+            "{from: 0.1, to: 1.5, steps: 28} "
+            "or a branch as {arclength: {to: 0.2}}, got 0.5",
         ),
         (
             changed("[0.1, 0.2, 0.5, 0.8, 1.0, 1.5]", "{from: 0.1, to: 0.1, steps: 3}"),
@@ -214,8 +215,8 @@ def schoenke(half_twists: int, segments: int, half_width: float) -> str:
             "mobius.yaml:6:35: widths.steps: must be an integer from 1 to 9999, got 10000",
         ),
         (
-            changed("[0.1, 0.2, 0.5, 0.8, 1.0, 1.5]", "{arclength: {}}"),
-            "mobius.yaml:6:10: widths.arclength: unknown key: expected from, to or steps",
+            changed("[0.1, 0.2, 0.5, 0.8, 1.0, 1.5]", "{arc: {}}"),
+            "mobius.yaml:6:10: widths.arc: unknown key: expected from, to or steps",
         ),
         (
             changed("[50, 100, 200, 400]", "[50, 100, 300, 600]"),

@@ -25,7 +25,7 @@ from ribbon_cli.cli.main import cli
 from ribbon_cli.config import RECIPES, SpectrumRequest, load_config, parse_config
 from ribbon_cli.config.parse import KEYS
 from ribbon_cli.solver.status import Status
-from ribbon_cli.store.layout import SPECTRUM, STATE
+from ribbon_cli.store.layout import BRANCH, SPECTRUM, STATE
 from ribbon_cli.study import solve_config
 
 ROOT = Path(__file__).parent.parent
@@ -200,7 +200,7 @@ def rows(section: str) -> list[str]:
 
 def test_notation_names_every_dataset() -> None:
     named = set(re.findall(r"`(/\w+(?:/\w+)+)`", read(ROOT / "docs" / "notation.md")))
-    assert named == {item.path for item in (*STATE, *SPECTRUM)}
+    assert named == {item.path for item in (*STATE, *SPECTRUM, *BRANCH)}
 
 
 def test_statuses_are_listed() -> None:

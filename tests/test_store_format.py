@@ -16,6 +16,7 @@ import pytest
 from store_support import make_record, make_spectrum
 
 from ribbon_cli.store import (
+    BranchRecord,
     SpectrumRecord,
     StateRecord,
     content_sha256,
@@ -25,7 +26,8 @@ from ribbon_cli.store import (
     summary,
     write_atomic,
 )
-from ribbon_cli.store.layout import SPECTRUM, STATE
+from ribbon_cli.store.hdf5 import decode_bytes
+from ribbon_cli.store.layout import BRANCH, SPECTRUM, STATE
 
 FORMAT_PAGE = Path(__file__).parent.parent / "docs" / "format.md"
 
@@ -147,9 +149,10 @@ def test_root_attributes_and_description_of_every_dataset(stored):
 
 
 def test_table_covers_every_field_of_the_records():
-    state = {item.field for item in STATE} | {"spectra", "provenance"}
+    state = {item.field for item in STATE} | {"spectra", "branch", "provenance"}
     assert state == {field.name for field in fields(StateRecord)}
     assert {item.field for item in SPECTRUM} | {"metric"} == {field.name for field in fields(SpectrumRecord)}
+    assert {item.field for item in BRANCH} == {field.name for field in fields(BranchRecord)}
     assert all(
         item.equation == "none" or any(c.isdigit() or c == "=" for c in item.equation) for item in STATE
     )
@@ -224,3 +227,39 @@ def test_summary_has_the_promised_fields_and_is_json():
 def test_importing_the_store_is_light():
     code = "import ribbon_cli.store, sys; sys.exit(bool({'numpy', 'h5py', 'filelock'} & sys.modules.keys()))"
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_a_point_of_a_branch_survives_the_file():
+    """Also without what an ordinary step does not have; a state off any branch has none of it."""
+    rng = np.random.default_rng(8)
+    plain = make_record(1)
+    n = plain.segments
+    step = BranchRecord(
+        name="branch up",
+        type="step",
+        arclength=0.25,
+        half_width_rate=-0.5,
+        next_step=0.01,
+        tangent=rng.normal(size=(n, 7)),
+    )
+    fold = replace(
+        step,
+        type="fold",
+        index_before=0,
+        index_after=1,
+        lowest_eigenvalue=1e-13,
+        sliding_overlap=0.5,
+        mode=rng.normal(size=(n, 7)),
+    )
+    for branch in (step, fold):
+        record = replace(plain, branch=branch)
+        back = decode_bytes(encode(record), "memory")
+        assert back.branch is not None
+        for field in fields(BranchRecord):
+            np.testing.assert_array_equal(getattr(back.branch, field.name), getattr(branch, field.name))
+        assert content_sha256(back) == content_sha256(record) != content_sha256(plain)
+        assert summary(back)["branch"]["type"] == branch.type
+    assert decode_bytes(encode(plain), "memory").branch is None
+    assert "branch" not in summary(plain)
+    with pytest.raises(ValueError, match="type must be one of"):
+        replace(step, type="bend")

@@ -12,6 +12,7 @@ import click
 
 from ribbon_cli.cli.completion import SHELLS, register_bash, script
 from ribbon_cli.cli.config_commands import check, init
+from ribbon_cli.cli.continue_command import continue_
 from ribbon_cli.cli.export_command import export
 from ribbon_cli.cli.group import RibbonGroup, Stopped
 from ribbon_cli.cli.output import emit, emit_json
@@ -90,7 +91,9 @@ def completion(settings: Settings, shell: str | None) -> None:
     emit_json({"shell": name, "script": text}) if settings.json else emit(text)
 
 
-for _command in (init, check, solve, refine, convergence_table, spectrum, ls, show, export, completion):
+_COMMANDS = (init, check, solve, refine, continue_, convergence_table, spectrum, ls, show, export, completion)
+
+for _command in _COMMANDS:
     cli.add_command(_command)
 
 

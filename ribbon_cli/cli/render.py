@@ -10,13 +10,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from ribbon_cli.study import PlannedStage, Target
+    from ribbon_cli.study import Course, PlannedStage, Target
 
 MISSING = "-"
 State = Mapping[str, Any]
 """A state's summary, as `ribbon_cli.store.summary` gives it."""
 
-_LEFT = frozenset({"status", "kind", "stage", "run", "last change", "name", "template"})
+_LEFT = frozenset({"type", "status", "kind", "stage", "run", "last change", "name", "template"})
 """Columns of words; the others hold numbers and are aligned on the right."""
 
 
@@ -104,6 +104,41 @@ def targets_table(targets: Iterable[Target], states: Mapping[int, State]) -> str
         label = MISSING if target.label is None else str(target.label)
         rows.append([number(target.half_width, ".10g"), str(target.segments), label, *figures])
     return columns(["b", "N", "label", *_FIGURES], rows)
+
+
+def branch_text(course: Course) -> str:
+    """A branch: its points in a table, then why it ends."""
+    title = f"{course.name}, from state {course.start}"
+    end = f"ends at b = {number(course.half_width, '.12g')} ({course.reason}): {course.message}"
+    return f"{title}\n{branch_table(course)}\n{end}" if course.points else f"{title}: {end}"
+
+
+def branch_table(course: Course) -> str:
+    """The points of a branch: label, type, b, E, index, lowest eigenvalue, Lk and contact."""
+    rows = (
+        [
+            str(point.label),
+            point.type,
+            number(point.half_width, ".12g"),
+            number(point.energy, ".9f"),
+            _branch_index(point.negative_eigenvalues, point.index_before, point.index_after),
+            number(point.lowest_eigenvalue, ".3e"),
+            number(point.sliding_overlap, ".2f"),
+            _linking_number(point.linking_number),
+            "yes" if point.self_contact else "no",
+            point.status,
+        ]
+        for point in course.points
+    )
+    heads = ["label", "type", "b", "E", "index", "lowest", "sliding", "Lk", "contact", "status"]
+    return columns(heads, rows)
+
+
+def _branch_index(negative: int | None, before: int | None, after: int | None) -> str:
+    """The number of negative eigenvalues; at a singular point those on either side."""
+    if before is None and after is None:
+        return number(negative)
+    return f"{number(before)} to {number(after)}"
 
 
 def runs_table(runs: Iterable[Mapping[str, Any]]) -> str:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Literal
 
 import click
 
 from ribbon_cli.cli.completion import complete_file, complete_state
+from ribbon_cli.cli.numbers import whole
 from ribbon_cli.cli.output import complain, emit, emit_json, say
 from ribbon_cli.cli.settings import Settings, common_options, pass_settings
 from ribbon_cli.errors import UsageError
@@ -16,19 +16,6 @@ from ribbon_cli.errors import UsageError
 if TYPE_CHECKING:
     from ribbon_cli.config import Config
     from ribbon_cli.study import Outcome
-
-
-def _whole(low: int) -> Callable[[click.Context, click.Parameter, str | None], int | None]:
-    """A callback that reads an option's value as a whole number, `low` or more."""
-
-    def read(ctx: click.Context, parameter: click.Parameter, text: str | None) -> int | None:
-        if text is None:
-            return None
-        if not (text.isascii() and text.isdigit() and len(text) < 10 and int(text) >= low):
-            raise click.BadParameter(f"must be a whole number, {low} or more, got {text!r}", ctx, parameter)
-        return int(text)
-
-    return read
 
 
 @click.command()
@@ -58,8 +45,8 @@ def run_stages(settings: Settings, config: Config, fresh: bool = False) -> Outco
 
 @click.command()
 @click.argument("state", shell_complete=complete_state)
-@click.option("--to", metavar="N", callback=_whole(8), help="Number of segments to go to.")
-@click.option("--levels", metavar="K", callback=_whole(1), help="How often to double the segments.")
+@click.option("--to", metavar="N", callback=whole(8), help="Number of segments to go to.")
+@click.option("--levels", metavar="K", callback=whole(1), help="How often to double the segments.")
 @click.option(
     "--method",
     type=click.Choice(["smooth", "split"]),
@@ -91,7 +78,7 @@ def report(settings: Settings, outcome: Outcome) -> int:
 
     The outcome's notes have been shown as they came up; only JSON repeats them.
     """
-    from ribbon_cli.cli.render import gathered, targets_table
+    from ribbon_cli.cli.render import branch_text, gathered, targets_table
 
     states = {state["label"]: state for state in outcome.run.states(all=True)}
     if settings.json:
@@ -104,12 +91,15 @@ def report(settings: Settings, outcome: Outcome) -> int:
             "new_states": outcome.new_states,
             "targets": targets,
             "states": [state for label, state in states.items() if label in labels],
+            "branches": [asdict(course) for course in outcome.branches],
             "notes": list(outcome.notes),
             "failures": list(outcome.failures),
         }
         emit_json(document)
     else:
         emit(targets_table(outcome.targets, states))
+        for course in outcome.branches:
+            emit("\n" + branch_text(course))
     new = f"{outcome.new_states} new state{'s' * (outcome.new_states != 1)}"
     say(settings, f"{outcome.run.path}: {new}; `ribbon ls {outcome.run.short_name}` lists the run")
     for failure in gathered(outcome.failures):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -14,6 +15,7 @@ from ribbon_cli.errors import RibbonError, StoreError
 
 if TYPE_CHECKING:
     from ribbon_cli.store import Run, StateRecord
+    from ribbon_cli.study import Course
 
 
 @click.command()
@@ -106,17 +108,21 @@ def _is_complete(run: Run, states: list[dict[str, Any]]) -> bool | None:
 def show(settings: Settings, ref: str) -> None:
     """Show a state and its certificate, or a run.
 
-    Of a state all but its arrays, provenance included; of a run its config and history.
+    Of a state all but its arrays, provenance included; of a run its config, history and branches.
     """
-    from ribbon_cli.cli.render import history_lines, listing, status_in_words
+    from ribbon_cli.cli.render import branch_text, history_lines, listing, status_in_words
 
     if names_state(ref):
         document = _show_state(settings, ref)
         words: dict[str, Any] = {"status": status_in_words(document)}
+        emit_json(document) if settings.json else emit(listing({**document, **words}))
+        return
+    document, branches = _show_run(settings, ref)
+    if settings.json:
+        emit_json(document | {"branches": [asdict(course) for course in branches]})
     else:
-        document = _show_run(settings, ref)
         words = {"history": history_lines(document["history"])}
-    emit_json(document) if settings.json else emit(listing({**document, **words}))
+        emit("\n\n".join([listing({**document, **words}), *map(branch_text, branches)]))
 
 
 def names_state(ref: str) -> bool:
@@ -153,13 +159,14 @@ def _spectra(record: StateRecord) -> dict[str, Any]:
     }
 
 
-def _show_run(settings: Settings, ref: str) -> dict[str, Any]:
-    """A run: what `ribbon ls` says of it, its config and its history apart from states."""
+def _show_run(settings: Settings, ref: str) -> tuple[dict[str, Any], tuple[Course, ...]]:
+    """A run: what `ribbon ls` says of it, its config, its history apart from states, and its branches."""
     from ribbon_cli.store import find_run
+    from ribbon_cli.study import courses
 
     run = find_run(settings.root, ref)
     facts = _describe(run)
     if facts["damage"]:
         raise StoreError(facts["damage"])
     events = [event for event in run.events() if event["event"] != "state"]
-    return facts | {"config": str(run.path / "config.yaml"), "history": events}
+    return facts | {"config": str(run.path / "config.yaml"), "history": events}, courses(run)

@@ -4,10 +4,20 @@ from ribbon_cli.config.parse import load_config, parse_config
 from ribbon_cli.config.problems import ConfigError, Problem
 from ribbon_cli.config.recipes import RECIPES
 from ribbon_cli.config.templates import templates
-from ribbon_cli.config.types import Config, Guess, Refinement, SpectrumRequest, dump_resolved
+from ribbon_cli.config.types import (
+    STOPS,
+    Arclength,
+    Config,
+    Guess,
+    Refinement,
+    SpectrumRequest,
+    dump_resolved,
+)
 
 __all__ = [
     "RECIPES",
+    "STOPS",
+    "Arclength",
     "Config",
     "ConfigError",
     "Guess",

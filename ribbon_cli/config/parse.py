@@ -7,6 +7,7 @@ import re
 from pathlib import Path
 
 from ribbon_cli.config import sections
+from ribbon_cli.config.arclength import arclength, is_arclength
 from ribbon_cli.config.document import MAX_BYTES, Node, position, read_document
 from ribbon_cli.config.guess import initial_guess
 from ribbon_cli.config.problems import Problems, near_miss, shown
@@ -63,13 +64,21 @@ def parse_config(text: str, path: str | os.PathLike[str]) -> Config:
     limit: Limit | None = None if length is None else (length, "the band's length")
     discretisation = sections.choice(reader, top, "discretisation", ("thesis", "value-average"))
     guess = initial_guess(reader, top.get("initial_guess"), half_twists, limit, os.path.dirname(path))
-    widths = sections.widths(reader, top.get("widths"), limit, guess)
+    given = top.get("widths")
+    branch = arclength(reader, given, limit, guess) if given is not None and is_arclength(given) else None
+    widths = () if is_arclength(given) else sections.widths(reader, given, limit, guess)
     refinement = sections.refinement(reader, top.get("refinement"), guess, widths)
+    if is_arclength(given) and len(refinement.levels) > 1:
+        reader.report(
+            top["refinement"],
+            "refinement",
+            "a branch is followed on one level: leave it out, use `ribbon refine`",
+        )
     spectrum = sections.spectrum(reader, top.get("spectrum"))
     contact = sections.choice(reader, top, "contact", ("record", "stop"))
     if problems.found or half_twists is None or length is None or widths is None:
         raise problems.error()
-    is_range = "widths" in top and top["widths"].kind == "mapping"
+    is_range = given is not None and given.kind == "mapping" and branch is None
     return Config(
         name=name,
         half_twists=half_twists,
@@ -83,6 +92,7 @@ def parse_config(text: str, path: str | os.PathLike[str]) -> Config:
         contact=contact,
         text=text,
         path=path,
+        arclength=branch,
     )
 
 

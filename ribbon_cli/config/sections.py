@@ -20,7 +20,10 @@ MAX_WIDTHS = 10_000
 MAX_HALF_TWISTS = 100
 _LENGTHS = (1e-9, 1e9)  # keeps lengths, widths and their powers far from overflow
 _MAX_LEVELS = 20  # more doublings than lie between the fewest and the most segments
-_WIDTHS = "a list as [0.1, 0.2, 0.5] or a range as {from: 0.1, to: 1.5, steps: 28}"
+_WIDTHS = (
+    "a list as [0.1, 0.2, 0.5], a range as {from: 0.1, to: 1.5, steps: 28} "
+    "or a branch as {arclength: {to: 0.2}}"
+)
 _LEVELS = "a list as [50, 100, 200], or {levels: [50, 100, 200], at: [0.5]}"
 
 Found = Mapping[str, Node]

@@ -54,13 +54,54 @@ class SpectrumRequest:
     metrics: tuple[str, ...] = METRICS
 
 
+STOPS = ("fold", "stability-lost", "contact")
+"""Events at which a branch can be asked to stop."""
+
+
+@dataclass(frozen=True)
+class Arclength:
+    """What a branch is followed for, by pseudo-arclength continuation in the half-width b.
+
+    It begins towards `to`, with `both` also the other way, and ends where b leaves the range of the start's
+    width, `to` and `back_to`; at the first of the events in `stop_at`; or after `steps`. The widths `at`
+    are met exactly. `max_step` is the longest step, in the rms change of tangents and rulings. `switch` is
+    how many times over the branches that cross at branch points are followed too.
+    """
+
+    to: float
+    back_to: float | None = None
+    both: bool = False
+    at: tuple[float, ...] = ()
+    max_step: float = 0.1
+    steps: int = 500
+    stop_at: tuple[str, ...] = ()
+    switch: int = 0
+
+    def settings(self) -> dict[str, Any]:
+        """The settings in a config's own layout, those left out that say nothing."""
+        out: dict[str, Any] = {"to": self.to}
+        if self.back_to is not None:
+            out["back_to"] = self.back_to
+        if self.both:
+            out["both"] = True
+        if self.at:
+            out["at"] = list(self.at)
+        out |= {"max_step": self.max_step, "steps": self.steps}
+        if self.stop_at:
+            out["stop_at"] = list(self.stop_at)
+        if self.switch:
+            out["switch"] = self.switch
+        return out
+
+
 @dataclass(frozen=True)
 class Config:
     """A whole config, checked and resolved.
 
     `half_twists` n means the linking number n/2, sign included; `length` is the midline's. `widths` are
     half-widths b in the order of solving, empty where a state's own width is all that is asked for;
-    `widths_kind` tells how they were given. `text` is the file as written, `path` as the user gave it.
+    `widths_kind` tells how they were given. With `arclength` a branch is followed instead. `text` is the
+    file as written, `path` as the user gave it.
     """
 
     name: str
@@ -75,6 +116,7 @@ class Config:
     contact: str
     text: str
     path: str
+    arclength: Arclength | None = None
 
     def resolved(self) -> dict[str, Any]:
         """Everything, spelled out with plain values in the config's own layout: itself a valid config."""
@@ -105,6 +147,8 @@ class Config:
         }
         if self.widths:
             part["widths"] = list(self.widths)
+        if self.arclength is not None:
+            part["widths"] = {"arclength": self.arclength.settings()}
         if levels:
             part["refinement"] = levels if at is None else {"levels": levels, "at": list(at)}
         part["spectrum"] = {

@@ -9,7 +9,7 @@ from ribbon_cli.store.hdf5 import decode, encode
 from ribbon_cli.store.layout import FORMAT, FORMAT_VERSION, layout_markdown
 from ribbon_cli.store.npz import export_npz, load_npz, write_arrays
 from ribbon_cli.store.provenance import gather
-from ribbon_cli.store.record import KINDS, METRICS, SpectrumRecord, StateRecord
+from ribbon_cli.store.record import KINDS, METRICS, BranchRecord, SpectrumRecord, StateRecord
 from ribbon_cli.store.refs import find_run, list_runs, resolve_state, runs_root, suggest
 from ribbon_cli.store.run import Run
 from ribbon_cli.store.summaries import summary
@@ -19,6 +19,7 @@ __all__ = [
     "FORMAT_VERSION",
     "KINDS",
     "METRICS",
+    "BranchRecord",
     "Run",
     "SpectrumRecord",
     "StateRecord",

@@ -10,8 +10,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from ribbon_cli.store.layout import SPECTRUM, STATE, Item, provenance_item
-from ribbon_cli.store.record import METRICS, SpectrumRecord, StateRecord
+from ribbon_cli.store.layout import BRANCH, SPECTRUM, STATE, Item, provenance_item
+from ribbon_cli.store.record import METRICS, BranchRecord, SpectrumRecord, StateRecord
 
 if TYPE_CHECKING:
     import numpy as np
@@ -109,6 +109,8 @@ def flatten(record: StateRecord) -> list[Field]:
         dims = _dims(record.segments)
         fields += _record_fields(spectrum, _spectrum_items(spectrum.metric), dims)
         _check_modes(spectrum.metric, dims)
+    if record.branch is not None:
+        fields += _record_fields(record.branch, BRANCH, _dims(record.segments))
     for key in sorted(record.provenance):
         if not _KEY.fullmatch(key):
             raise ValueError(f"provenance key {key!r} must be lower-case letters, digits and underscores")
@@ -164,8 +166,11 @@ def assemble(values: Mapping[str, Value]) -> StateRecord:
         dims = _dims(n)
         spectra.append(SpectrumRecord(**_record_values(values, _spectrum_items(metric), dims), metric=metric))
         _check_modes(metric, dims)
+    branch = None
+    if any(path.startswith("/branch/") for path in values):
+        branch = BranchRecord(**_record_values(values, BRANCH, _dims(n)))
     fields = _record_values(values, STATE, _dims(n))
-    return StateRecord(**fields, spectra=tuple(spectra), provenance=_provenance(values))
+    return StateRecord(**fields, spectra=tuple(spectra), branch=branch, provenance=_provenance(values))
 
 
 def _provenance(values: Mapping[str, Value]) -> dict[str, Any]:

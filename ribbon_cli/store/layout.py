@@ -166,6 +166,32 @@ SPECTRUM = _items((
      "the lowest m <= k modes, (u, g, xi) per node; absent: not kept"),
 ))
 """Datasets of one spectrum; METRIC is `euclidean` or `physical`."""
+
+BRANCH = _items((
+    ("/branch/name", "utf-8", "", "s", "",
+     "branch of the run that the state is a point of"),
+    ("/branch/type", "utf-8", "", "s", "",
+     "step, width (asked for), fold, branch-point or contact"),
+    ("/branch/arclength", "float64", "", "s", "",
+     "length of the branch from its start to the point"),
+    ("/branch/half_width_rate", "float64", "", "s", "",
+     "derivative of b by the branch's length, zero at folds"),
+    ("/branch/next_step", "float64", "", "", "",
+     "length of the step to be tried from here"),
+    ("/branch/tangent", "float64", "N 7", "", "",
+     "the branch's unit tangent in (u, g, xi), with `half_width_rate` its component in b"),
+    ("/branch/index_before", "int64", "", "os", "",
+     "negative eigenvalues just before a fold or branch point; absent: another point, or unknown"),
+    ("/branch/index_after", "int64", "", "os", "",
+     "negative eigenvalues just after it"),
+    ("/branch/lowest_eigenvalue", "float64", "", "os", "(2.58)",
+     "lowest eigenvalue in the physical metric, rotations left out; absent: not determined"),
+    ("/branch/sliding_overlap", "float64", "", "os", "",
+     "overlap with sliding, 0 to 1, of the mode that is soft at a fold or branch point, else of the lowest"),
+    ("/branch/mode", "float64", "N 7", "o", "",
+     "the mode in (u, g, xi) that is soft at a fold or branch point, of length one; absent elsewhere"),
+))
+"""Datasets of a point on a branch: all of those that are not optional, or none."""
 # fmt: on
 
 PROVENANCE = {
@@ -208,7 +234,7 @@ def provenance_item(key: str, value: str | int | float) -> Item:
 def layout_markdown() -> str:
     """Return the table of docs/format.md: one Markdown row for every dataset."""
     rows = ["| path | type | shape | equation | description |", "|---|---|---|---|---|"]
-    for item in (*STATE, *SPECTRUM):
+    for item in (*STATE, *SPECTRUM, *BRANCH):
         shape = "(" + ", ".join(map(str, item.shape)) + (",)" if len(item.shape) == 1 else ")")
         kind = f"{item.dtype}, optional" if item.optional else item.dtype
         description = item.description.replace("|", "\\|")

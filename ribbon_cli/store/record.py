@@ -62,6 +62,37 @@ class SpectrumRecord:
         object.__setattr__(self, "labels", tuple(str(label) for label in self.labels))
 
 
+POINT_TYPES = ("step", "width", "fold", "branch-point", "contact")
+"""Types of a point on a branch."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class BranchRecord:
+    """What a state is on its branch, a curve of stationary points with b as an unknown.
+
+    `tangent` (N, 7) in (u, g, xi) and `half_width_rate` make the unit tangent; lengths are those of
+    arclength continuation. `index_before`, `index_after`, `mode` (N, 7) and `sliding_overlap` are explained
+    in layout.py. Raises ValueError for an unknown type.
+    """
+
+    name: str
+    type: str
+    arclength: float
+    half_width_rate: float
+    next_step: float
+    tangent: Array
+    index_before: int | None = None
+    index_after: int | None = None
+    lowest_eigenvalue: float | None = None
+    sliding_overlap: float | None = None
+    mode: Array | None = None
+
+    def __post_init__(self) -> None:
+        if self.type not in POINT_TYPES:
+            raise ValueError(f"type must be one of {', '.join(POINT_TYPES)}, got {self.type!r}")
+        _to_float64(self, ("tangent",) if self.mode is None else ("tangent", "mode"))
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class StateRecord:
     """One stored state with everything that is known of it; see docs/format.md for every field.
@@ -114,6 +145,7 @@ class StateRecord:
     cut_node: int | None = None
     g_cut: Array | None = None
     spectra: tuple[SpectrumRecord, ...] = ()
+    branch: BranchRecord | None = None
     parent: int | None = None
     parent_ref: str | None = None
     method: str = ""

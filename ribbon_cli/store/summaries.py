@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from ribbon_cli.store.layout import STATE
+from ribbon_cli.store.layout import BRANCH, STATE
 from ribbon_cli.store.log import to_json
 from ribbon_cli.store.record import StateRecord
 
@@ -16,7 +16,8 @@ def summary(source: StateRecord | Mapping[str, Any], run: str | None = None) -> 
     """Return the summary of a record, or of a state's entry in the log, for the run named.
 
     Keys are the record's fields marked in layout.py, in that order, with `half_twists` and `sigma` together
-    under `topology`, and `run` and `content_sha256`. Not-a-number is None. Both sources give the same.
+    under `topology`, those of a point on a branch under `branch`, and `run` and `content_sha256`.
+    Not-a-number is None. Both sources give the same.
     """
     state = describe(source) if isinstance(source, StateRecord) else source["state"]
     return {"run": run, **state}
@@ -32,6 +33,12 @@ def describe(record: StateRecord) -> dict[str, Any]:
             state.setdefault("topology", {})[item.field] = getattr(record, item.field)
         elif item.summary:
             state[item.field] = _scalar(getattr(record, item.field), item.dtype)
+    if record.branch is not None:
+        state["branch"] = {
+            item.field: _scalar(getattr(record.branch, item.field), item.dtype)
+            for item in BRANCH
+            if item.summary
+        }
     state["content_sha256"] = content_sha256(record)
     return dict(to_json(state))
 

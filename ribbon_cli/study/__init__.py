@@ -5,9 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from .branch_tables import courses
     from .given import given_band
     from .mode_limits import SpectralTable, run_spectra, spectral_convergence
-    from .outcome import Outcome, Target
+    from .onward import continue_state
+    from .outcome import Course, Outcome, Target
     from .plan import Plan, PlannedStage, plan_of
     from .progress import Progress
     from .refine import refine_state
@@ -16,6 +18,7 @@ if TYPE_CHECKING:
     from .table import table_entries
 
 __all__ = [
+    "Course",
     "Outcome",
     "Plan",
     "PlannedStage",
@@ -24,6 +27,8 @@ __all__ = [
     "Stability",
     "Target",
     "arrays_of",
+    "continue_state",
+    "courses",
     "document_of",
     "given_band",
     "plan_of",
@@ -36,6 +41,7 @@ __all__ = [
 ]
 
 _HOMES = {
+    "Course": "outcome",
     "Outcome": "outcome",
     "Plan": "plan",
     "PlannedStage": "plan",
@@ -45,6 +51,8 @@ _HOMES = {
     "Target": "outcome",
     "arrays_of": "stability",
     "document_of": "stability",
+    "continue_state": "onward",
+    "courses": "branch_tables",
     "given_band": "given",
     "plan_of": "plan",
     "refine_state": "refine",

@@ -69,6 +69,11 @@ class Journal:
         label = self._ends.get(stage)
         return None if label is None else self.run.load(label)
 
+    def stages(self, prefix: str) -> list[str]:
+        """Names of the finished stages that begin with `prefix`, in the order stored."""
+        found = [(label, name) for name, label in self._ends.items() if name.startswith(prefix)]
+        return [name for _, name in sorted(found)]
+
     def note(self, text: str) -> None:
         """Tell whoever watches, and keep it for the outcome."""
         self.notes.append(text)
@@ -79,6 +84,12 @@ class Journal:
         if not self.run.is_writing:
             raise NotStoredError
         return Clock(self._argv, self._origin)
+
+    def log(self, kind: str, **data: Any) -> None:
+        """Append an event to the run's log. Raises NotStoredError if the run is not open for writing."""
+        if not self.run.is_writing:
+            raise NotStoredError
+        self.run.log_event(kind, **data)
 
     def store(
         self,

@@ -20,22 +20,72 @@ class Target:
 
 
 @dataclass(frozen=True)
+class CoursePoint:
+    """A point of a branch, as in the table of branches.
+
+    `index_before` and `index_after` are given at folds and branch points. `lowest_eigenvalue` is in the
+    physical metric, without rotations; `sliding_overlap` belongs to it or, at folds and branch points, to the
+    mode that is soft there. Without arclength continuation these, and `arclength`, are None.
+    """
+
+    label: int
+    type: str
+    half_width: float
+    energy: float
+    status: str
+    negative_eigenvalues: int | None
+    index_before: int | None
+    index_after: int | None
+    lowest_eigenvalue: float | None
+    sliding_overlap: float | None
+    linking_number: float | None
+    self_contact: bool
+    clearance: float | None
+    arclength: float | None
+
+
+@dataclass(frozen=True)
+class Course:
+    """A branch from its start: its points in order, and why and where it ends."""
+
+    name: str
+    start: int
+    points: tuple[CoursePoint, ...]
+    reason: str
+    half_width: float
+    message: str
+
+    @property
+    def arclength(self) -> float:
+        """Its length up to its last point."""
+        return max((point.arclength or 0.0 for point in self.points), default=0.0)
+
+    @property
+    def failed(self) -> bool:
+        """Whether the branch ends for want of a step rather than at an event."""
+        return self.reason in ("step-too-small", "steps")
+
+
+@dataclass(frozen=True)
 class Outcome:
-    """The run, its targets in the order of the config, remarks, and how many states are new."""
+    """The run, its targets in the order of the config, remarks, how many states are new, and branches."""
 
     run: Run
     targets: tuple[Target, ...]
     notes: tuple[str, ...]
     new_states: int
+    branches: tuple[Course, ...] = ()
 
     @property
     def failures(self) -> tuple[str, ...]:
-        """A line for each target that was not reached or has no certificate."""
-        return tuple(
+        """A line for each target not reached or without certificate, and each branch that broke off."""
+        missed = (
             f"b = {t.half_width:.12g}, N = {t.segments}: {t.message}"
             for t in self.targets
             if not (t.reached and t.certified)
         )
+        broken = (f"{c.name}, b = {c.half_width:.12g}: {c.message}" for c in self.branches if c.failed)
+        return (*missed, *broken)
 
     @property
     def exit_code(self) -> int:

@@ -115,9 +115,18 @@ def plan_of(config: Config, given: tuple[float, int] | None = None) -> Plan:
         for n in refined_at(config, b) if b is not None else config.refinement.levels[1:]:
             name = refinement_name(b, n, visit) if b is not None else f"refined to N = {n}"
             stages.append(PlannedStage(name, "equilibrium", b, n))
+    branch = config.arclength
+    if branch is not None:
+        words = f"a branch followed towards b = {branch.to:.12g}" + (
+            ", and the other way" if branch.both else ""
+        )
+        stages += [PlannedStage(f"{words}, meeting b = {b:.12g}", "equilibrium", b, first) for b in branch.at]
+        stages.append(PlannedStage(words, "intermediate", branch.to, first))
     cost = sum(_cost(config, s) for s in stages)
     halving = "a step in width that fails is halved; what that adds is not counted"
     notes = (halving,) if len(widths) > 1 or not named else ()
+    if branch is not None:
+        notes = (*notes, f"a branch takes up to {branch.steps} steps; what they cost is not counted")
     return Plan(tuple(stages), cost, (*guess_notes(config), *notes))
 
 

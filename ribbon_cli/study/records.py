@@ -20,7 +20,7 @@ from ..solver.linear import FactorisationError
 from ..solver.newton import inverted_facets
 from ..solver.spectra import Spectrum, full_spectra, lowest_spectrum
 from ..solver.status import Result, SaddleMet, Status
-from ..store import SpectrumRecord, StateRecord
+from ..store import BranchRecord, SpectrumRecord, StateRecord
 from ..store.log import utc_now
 from ..store.provenance import gather
 
@@ -65,6 +65,7 @@ class Reached:
     parent_ref: str | None = None
     events: tuple[str, ...] = ()
     steps: int = 0
+    branch: BranchRecord | None = None
 
 
 def saddle_result(problem: Problem, met: SaddleMet) -> Result:
@@ -133,6 +134,7 @@ def build_record(label: int, reached: Reached, clock: Clock, spectrum: SpectrumR
         eta=shape.eta,
         eta_prime=shape.eta_prime,
         spectra=spectra,
+        branch=reached.branch,
         parent=reached.parent,
         parent_ref=reached.parent_ref,
         method=reached.method,

@@ -50,7 +50,7 @@ def refine_state(
 
     def study(watcher: Progress) -> Outcome:
         everted = record.half_twists == 0 and not_everted(state_of(record)) is None
-        steps = Steps(run, record.half_twists, _spectrum(run), watcher, argv, origin, len(grids), everted)
+        steps = Steps(run, record.half_twists, spectrum_of(run), watcher, argv, origin, len(grids), everted)
         try:
             targets = _refine_all(steps, record, grids, method, every=levels is not None)
         finally:
@@ -116,7 +116,7 @@ def _grids(ref: str, segments: int, to: int | None, levels: int | None, method: 
     return grids
 
 
-def _spectrum(run: Run) -> SpectrumRequest:
+def spectrum_of(run: Run) -> SpectrumRequest:
     """What the run's config asks for."""
     try:
         return load_config(run.path / "resolved.yaml").spectrum

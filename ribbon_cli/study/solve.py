@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from ..config import Config, dump_resolved
+from ..config import Arclength, Config, dump_resolved
 from ..errors import UsageError
 from ..model.band import Band, Discretisation, State
 from ..model.problem import Problem
@@ -19,11 +19,12 @@ from ..solver.newton import Options, solve
 from ..solver.status import Result, Status
 from ..solver.tracking import PARTS
 from ..store import Run, StateRecord
+from .branch import Branches
 from .constructions import construct, evert
 from .contact import locate_contact
 from .given import given_state
 from .journal import converged, run_or_read
-from .outcome import Outcome, Target
+from .outcome import Course, Outcome, Target
 from .plan import guess_notes, plan_of, refined_at, refinement_name, start_name, visits, width_name
 from .progress import Progress, Silence
 from .records import Clock, multipliers_of, saddle_result, state_of
@@ -93,12 +94,15 @@ class _Study:
         )
         self.journal = self.steps.journal
         self.targets: list[Target] = []
+        self.courses: list[Course] = []
         self.stopped: str | None = None
 
     def run(self) -> Outcome:
         """Run everything and report."""
         current = self._start()
-        if current is not None:
+        if current is not None and self.config.arclength is not None:
+            self._branches(current, self.config.arclength)
+        elif current is not None:
             self._widths(current)
         else:
             guess = self.config.guess
@@ -110,7 +114,11 @@ class _Study:
             for b in self.config.widths or (half_width,):
                 self._missed(b, (segments, *refined_at(self.config, b)))
         return Outcome(
-            self.journal.run, tuple(self.targets), tuple(self.journal.notes), self.journal.new_states
+            self.journal.run,
+            tuple(self.targets),
+            tuple(self.journal.notes),
+            self.journal.new_states,
+            tuple(self.courses),
         )
 
     # --- the initial guess ---
@@ -362,6 +370,19 @@ class _Study:
         if last == 0.0 or left <= 2.0 * last * (1.0 + 1e-9):
             return 0
         return min(MOST_HALVINGS, math.ceil(math.log2(left / (2.0 * last)) - 1e-9))
+
+    def _branches(self, start: StateRecord, request: Arclength) -> None:
+        """The branch through the freed guess, and those that cross it if the config asks for them."""
+        self.targets.append(_target(start))
+        if self.stopped is not None:
+            return
+        if math.isclose(start.half_width, request.to, rel_tol=1e-9):
+            raise UsageError(f"widths.arclength.to: the start has b = {start.half_width:.12g} already")
+        if self.config.contact == "stop" and "contact" not in request.stop_at:
+            request = replace(request, stop_at=(*request.stop_at, "contact"))
+        branches = Branches(self.steps, request, start)
+        self.courses = branches.courses
+        branches.follow("branch")
 
     # --- refinement ---
 

@@ -11,7 +11,7 @@ from ..model.problem import Problem
 from ..solver.continuation import Move, to_segments
 from ..solver.kinship import another_minimum
 from ..solver.status import Result, Status
-from ..store import Run, StateRecord
+from ..store import BranchRecord, Run, StateRecord
 from .journal import Journal, checked, converged, options_for
 from .progress import Progress
 from .records import Clock, Origin, Reached, state_of
@@ -65,10 +65,21 @@ class Steps:
         parent: int | None,
         parent_ref: str | None = None,
         events: tuple[str, ...] = (),
+        branch: BranchRecord | None = None,
     ) -> StateRecord:
         """Store a solve's end and the saddles it left; equilibria get their spectra."""
         reached = Reached(
-            problem, result, kind, stage, method, self.half_twists, parent, parent_ref, events, result.steps
+            problem,
+            result,
+            kind,
+            stage,
+            method,
+            self.half_twists,
+            parent,
+            parent_ref,
+            events,
+            result.steps,
+            branch,
         )
         spectrum = self.spectrum if kind == "equilibrium" else None
         return self.journal.store(reached, result.saddles, clock, spectrum)

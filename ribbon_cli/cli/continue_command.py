@@ -1,0 +1,114 @@
+"""`ribbon continue`: from a stored state to other widths."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from ribbon_cli.cli.completion import complete_state
+from ribbon_cli.cli.numbers import positive, positives, whole
+from ribbon_cli.cli.output import complain, emit, emit_json, say
+from ribbon_cli.cli.settings import Settings, common_options, pass_settings
+from ribbon_cli.errors import UsageError
+
+if TYPE_CHECKING:
+    from ribbon_cli.study import Course, Outcome
+
+_STOPS = ("fold", "stability-lost", "contact")
+
+
+@click.command("continue")
+@click.argument("state", shell_complete=complete_state)
+@click.option("--to", metavar="B", required=True, callback=positive, help="Half-width to go to.")
+@click.option("--arclength", is_flag=True, help="Follow the branch itself, around folds.")
+@click.option("--back-to", metavar="B", callback=positive, help="Other end of the range of widths.")
+@click.option("--both", is_flag=True, help="Go both ways, to --to and to --back-to.")
+@click.option("--at", metavar="B", multiple=True, callback=positives, help="Meet this width exactly.")
+@click.option("--stop-at", type=click.Choice(_STOPS), multiple=True, help="End at the first such event.")
+@click.option("--max-step", metavar="S", callback=positive, help="Longest step along the branch (0.1).")
+@click.option("--steps", metavar="K", callback=whole(1), help="Steps at most (500).")
+@click.option("--switch", metavar="K", callback=whole(0), help="Follow branches that cross, K times over.")
+@common_options
+@pass_settings
+def continue_(
+    settings: Settings,
+    state: str,
+    to: float,
+    arclength: bool,
+    back_to: float | None,
+    both: bool,
+    at: tuple[float, ...],
+    stop_at: tuple[str, ...],
+    max_step: float | None,
+    steps: int | None,
+    switch: int | None,
+) -> int:
+    """Continue a stored STATE in width.
+
+    The results join its run.
+
+    The same line again resumes. Without --arclength widths are reached one from another, and the first fold
+    ends it. Unstable points on a branch are no failure; the exit code is 3 when no step is short enough.
+    """
+    own = {"--back-to": back_to, "--both": both, "--max-step": max_step, "--steps": steps, "--switch": switch}
+    given = [option for option, value in own.items() if value]
+    if not arclength and given:
+        raise UsageError(f"{given[0]} needs --arclength")
+    if not arclength and {"fold", "stability-lost"} & set(stop_at):
+        raise UsageError("--stop-at fold and --stop-at stability-lost need --arclength")
+    if both and back_to is None:
+        raise UsageError("--both needs --back-to B, the half-width to go to the other way")
+    from ribbon_cli.cli.progress import progress
+    from ribbon_cli.config import STOPS, Arclength
+    from ribbon_cli.study import continue_state
+
+    default = Arclength(to)
+    request = Arclength(
+        to=to,
+        back_to=back_to,
+        both=both,
+        at=at,
+        max_step=max_step or default.max_step,
+        steps=steps or default.steps,
+        stop_at=tuple(word for word in STOPS if word in stop_at),
+        switch=switch or 0,
+    )
+    settings.commits = True
+    with progress(settings) as shown:
+        outcome = continue_state(
+            settings.root, state, request, natural=not arclength, progress=shown, argv=settings.argv
+        )
+    return _report(settings, outcome)
+
+
+def _report(settings: Settings, outcome: Outcome) -> int:
+    """Print the branches, and name on standard error those that broke off; return the exit code."""
+    from ribbon_cli.cli.render import branch_text
+
+    if settings.json:
+        emit_json(_document(outcome))
+    else:
+        emit("\n\n".join(branch_text(course) for course in outcome.branches))
+    new = f"{outcome.new_states} new state{'s' * (outcome.new_states != 1)}"
+    say(settings, f"{outcome.run.path}: {new}; `ribbon show {outcome.run.short_name}` shows its branches")
+    for failure in outcome.failures:
+        complain(f"ribbon: {failure}")
+    return outcome.exit_code
+
+
+def _document(outcome: Outcome) -> dict[str, Any]:
+    """The first branch's points and end, and all branches."""
+    first: Course = outcome.branches[0]
+    return {
+        "run": outcome.run.name,
+        "path": str(outcome.run.path),
+        "exit_code": outcome.exit_code,
+        "new_states": outcome.new_states,
+        "points": [asdict(point) for point in first.points],
+        "end": {"reason": first.reason, "half_width": first.half_width, "message": first.message},
+        "branches": [asdict(course) for course in outcome.branches],
+        "notes": list(outcome.notes),
+        "failures": list(outcome.failures),
+    }

@@ -1,0 +1,41 @@
+"""Numbers on the command line: callbacks that read an option's text."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import click
+
+
+def whole(low: int) -> Callable[[click.Context, click.Parameter, str | None], int | None]:
+    """A callback that reads an option's value as a whole number, `low` or more."""
+
+    def read(ctx: click.Context, parameter: click.Parameter, text: str | None) -> int | None:
+        if text is None:
+            return None
+        if not (text.isascii() and text.isdigit() and len(text) < 10 and int(text) >= low):
+            raise click.BadParameter(f"must be a whole number, {low} or more, got {text!r}", ctx, parameter)
+        return int(text)
+
+    return read
+
+
+def positive(ctx: click.Context, parameter: click.Parameter, text: str | None) -> float | None:
+    """Read a positive number as configs spell it: 0.5, 1e-3, pi/30."""
+    if text is None:
+        return None
+    from ribbon_cli.config.expression import ExpressionError, evaluate
+
+    try:
+        value = evaluate(text)
+    except ExpressionError as error:
+        message = f"must be a number such as 0.5 or pi/30, got {text!r} ({error})"
+        raise click.BadParameter(message, ctx, parameter) from error
+    if not 0.0 < value < float("inf"):
+        raise click.BadParameter(f"must be > 0 and finite, got {text!r}", ctx, parameter)
+    return value
+
+
+def positives(ctx: click.Context, parameter: click.Parameter, texts: tuple[str, ...]) -> tuple[float, ...]:
+    """Read an option that may be given several times; each value once, ascending."""
+    return tuple(sorted({positive(ctx, parameter, text) or 0.0 for text in texts}))

@@ -1,0 +1,310 @@
+"""Pseudo-arclength continuation in the half-width: points of a branch, their tangents, one step along it.
+
+A branch is a curve of stationary points z = (x, lambda, b). Its length is measured by
+
+    ds^2 = (h / l) sum_i (|du_i|^2 + |dg_i|^2) + (2 pi db / l)^2,
+
+the mean square change of tangents and rulings along the band: independent of the mesh and of the unit of
+length; xi and the multipliers, which u, g and b determine, have no weight. A step predicts along the unit
+tangent t and corrects on the hyperplane <t, z - z_0> = ds (Keller 1977), by Newton's method without any
+regard for minima: points of a branch may be saddles, and their index is counted, not changed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from ..model.band import Array, Band, State
+from ..model.contact import self_contact
+from ..model.problem import LocalDerivatives, Problem
+from ..model.width import constraints_by_width, gradient_by_width
+from .bordered import BorderedSystem
+from .inertia import inertia
+from .kkt import KKTMatrix
+from .linear import Factor, FactorisationError
+from .newton import SETTLED, Guard, change, inverted_facets
+from .saddle_free import lagrangian_gradient, newton_step
+from .status import Result, Status
+
+TOLERANCE = 1e-9
+GOAL = 1e-11
+"""Both residuals of an accepted point, and those at which Newton's method stops while they can still fall."""
+MOST_CORRECTIONS = 8
+CONTRACTION = 0.5
+"""Newton steps of a corrector, and the largest ratio of one to the one before."""
+ROUNDOFF_STEP = 1e-7
+"""Change below which the ratio of Newton steps says nothing any more."""
+LONGEST_CORRECTION = 0.25
+
+
+Place = tuple[Array, Array, float]
+"""x (7N,), multipliers (5N+3,) and b, or changes of them."""
+
+
+class CorrectorError(ArithmeticError):
+    """The corrector did not find a point of the branch; the message says why, as the end of a sentence."""
+
+
+@dataclass(frozen=True)
+class Tangent:
+    """A direction in (x, lambda, b): x (7N,), multipliers (5N+3,) and half_width."""
+
+    x: Array
+    multipliers: Array
+    half_width: float
+
+
+def weights(band: Band) -> tuple[Array, float]:
+    """The metric of arclength: weights (7N,) of x and that of b."""
+    out = np.full((band.segments, 7), 1.0 / band.segments)
+    out[:, 6] = 0.0
+    return out.ravel(), (2.0 * math.pi / band.length) ** 2
+
+
+def product(band: Band, one: Tangent, other: Tangent) -> float:
+    """The scalar product of two directions; multipliers have no weight."""
+    inner, outer = weights(band)
+    return float(one.x @ (inner * other.x)) + outer * one.half_width * other.half_width
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """A stationary point on a branch.
+
+    `kkt_residual` and `constraint_residual` as in `Result`; `steps` Newton steps found it, and
+    `contraction` is the ratio of the second to the first (0 where one was enough), `correction` the size of
+    the first.
+    """
+
+    problem: Problem
+    x: Array
+    multipliers: Array
+    local: LocalDerivatives
+    kkt_residual: float
+    constraint_residual: float
+    steps: int = 0
+    contraction: float = 0.0
+    correction: float = 0.0
+
+    @property
+    def half_width(self) -> float:
+        """The half-width b."""
+        return self.problem.band.half_width
+
+    @property
+    def energy(self) -> float:
+        """Q_h, not divided by pi b."""
+        return self.local.energy
+
+    @property
+    def state(self) -> State:
+        """The band's shape."""
+        return self.problem.state(self.x)
+
+    @cached_property
+    def matrix(self) -> KKTMatrix:
+        """The KKT matrix, rotations held."""
+        return KKTMatrix(self.problem, self.local, self.problem.rotations(self.x))
+
+    @cached_property
+    def negative(self) -> int | None:
+        """Negative eigenvalues of the projected Hessian, rotations left out; None where not sure."""
+        if Factor(self.matrix).proves_minimum():
+            return 0
+        count = inertia(self.matrix)
+        return count.negative if count.trusted else None
+
+    @cached_property
+    def unsettled(self) -> float:
+        """Change in the next Newton step at this b, infinite where there is none."""
+        try:
+            step, _ = newton_step(self.problem, self.local, self.multipliers, Factor(self.matrix))
+        except FactorisationError:
+            return math.inf
+        return change(self.x, step)
+
+    @cached_property
+    def contact(self) -> bool:
+        """Whether the band touches itself."""
+        band, state = self.problem.band, self.state
+        return self_contact(
+            state.u, state.g, self.problem.end_ruling(self.x), band.half_width, band.h
+        ).contact
+
+    def result(self, singular: str = "") -> Result:
+        """The point as the result of a solve; `singular` says what it is where its index is not
+        defined.
+
+        A point at which the Hessian is singular is neither certified nor counted. Nor is one whose next
+        Newton step is long, as in `newton`: the stationary point may lie where the index is another.
+        """
+        negative = None if singular else self.negative
+        detail = singular
+        if negative is not None and not self.unsettled <= SETTLED:
+            negative, detail = None, f"(The next Newton step would be a change of {self.unsettled:.1e}.)"
+        status = Status.UNDECIDED
+        if negative is not None:
+            status = Status.MINIMUM if negative == 0 else Status.SADDLE
+        return Result(
+            status=status,
+            x=self.x,
+            multipliers=self.multipliers,
+            state=self.state,
+            energy=self.energy,
+            kkt_residual=self.kkt_residual,
+            constraint_residual=self.constraint_residual,
+            negative=negative,
+            steps=self.steps,
+            detail=detail,
+        )
+
+
+def point_at(problem: Problem, x: Array, multipliers: Array) -> Point:
+    """Evaluate a place, stationary or not."""
+    local = problem.local_derivatives(x, multipliers)
+    kkt = float(np.abs(lagrangian_gradient(problem, local, multipliers)).max())
+    constraint = float(np.abs(local.constraints / problem.weights).max())
+    return Point(problem, x, multipliers, local, kkt, constraint)
+
+
+def point_of(state: State, multipliers: Array) -> Point:
+    """The point of a stored state."""
+    return point_at(Problem(state.band), state.vector(), multipliers)
+
+
+# --- tangents ---
+
+
+def tangent_from(point: Point, near: Tangent) -> Tangent:
+    """The unit tangent of the branch at a point, on the side of `near`.
+
+    Raises FactorisationError where there is no single tangent, at a bifurcation.
+    """
+    inner, outer = weights(point.problem.band)
+    system = BorderedSystem(
+        point.problem, point.x, point.multipliers, point.local, inner * near.x, outer * near.half_width
+    )
+    found = Tangent(*system.solve(np.zeros(point.problem.size), np.zeros(point.problem.rows), 1.0))
+    return unit(point.problem.band, found)
+
+
+def unit(band: Band, t: Tangent) -> Tangent:
+    """The direction with length one."""
+    size = math.sqrt(product(band, t, t))
+    return Tangent(t.x / size, t.multipliers / size, t.half_width / size)
+
+
+def initial_tangent(point: Point, sign: int) -> Tangent:
+    """The unit tangent at a point that is no fold, with b growing for `sign` = 1, falling for -1.
+
+    Raises FactorisationError where the Hessian is singular.
+    """
+    problem = point.problem
+    gradient = gradient_by_width(problem, point.x, point.multipliers, point.local.gradient)
+    constraints = constraints_by_width(problem, point.x)
+    rhs = np.concatenate((-gradient, -constraints, np.zeros(point.matrix.gauge)))
+    z = Factor(point.matrix).solve(rhs)
+    n = problem.size
+    first = unit(problem.band, Tangent(z[:n], -z[n : n + problem.rows], 1.0))
+    if sign < 0:
+        first = Tangent(-first.x, -first.multipliers, -first.half_width)
+    return tangent_from(point, first)
+
+
+# --- correctors ---
+
+
+def along(point: Point, t: Tangent, length: float) -> Place:
+    """x, multipliers and b at a length along a direction from a point."""
+    return (
+        point.x + length * t.x,
+        point.multipliers + length * t.multipliers,
+        point.half_width + length * t.half_width,
+    )
+
+
+def correct(
+    base: Point,
+    t: Tangent,
+    length: float,
+    guess: Place,
+    guard: Guard | None = None,
+) -> Point:
+    """The point of the branch with <t, z - base> = length near a guess (x, multipliers, b).
+
+    Raises CorrectorError where Newton's method does not contract to one, or where the point is no band
+    (an inverted facet, or what `guard` refuses).
+    """
+    inner, outer = weights(base.problem.band)
+    covector, weight = inner * t.x, outer * t.half_width
+    level = float(covector @ base.x) + weight * base.half_width + length
+
+    def step(point: Point) -> Place:
+        system = BorderedSystem(point.problem, point.x, point.multipliers, point.local, covector, weight)
+        gradient = lagrangian_gradient(point.problem, point.local, point.multipliers)
+        missing = level - float(covector @ point.x) - weight * point.half_width
+        return system.solve(-gradient, -point.local.constraints, missing)
+
+    return _newton(base.problem.band, guess, step, guard)
+
+
+def correct_at(guess: Place, band: Band, guard: Guard | None = None) -> Point:
+    """The point of the branch at exactly the guess's half-width. Raises as `correct`."""
+
+    def step(point: Point) -> Place:
+        p, new = newton_step(point.problem, point.local, point.multipliers, Factor(point.matrix))
+        return p, new - point.multipliers, 0.0
+
+    return _newton(band, guess, step, guard)
+
+
+def _newton(band: Band, guess: Place, step: Callable[[Point], Place], guard: Guard | None) -> Point:
+    x, multipliers, width = guess
+    sizes: list[float] = []
+    best: Point | None = None
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        while True:
+            if not 0.0 < width < math.inf:
+                raise CorrectorError(f"it leads to a half-width of {width:.6g}")
+            point = point_at(Problem(band.with_half_width(width)), x, multipliers)
+            worst = max(point.kkt_residual, point.constraint_residual)
+            if not np.isfinite(worst):
+                raise CorrectorError("derivatives are not finite")
+            before = math.inf if best is None else max(best.kkt_residual, best.constraint_residual)
+            if best is not None and before <= TOLERANCE and worst > 0.5 * before:
+                break  # as far as roundoff lets it
+            best = point
+            # One step at least: the hyperplane is met to roundoff only after it.
+            if sizes and worst <= GOAL:
+                break
+            if len(sizes) >= MOST_CORRECTIONS:
+                if worst <= TOLERANCE:
+                    break
+                raise CorrectorError(f"Newton's method has not converged in {MOST_CORRECTIONS} steps")
+            try:
+                p, change_of_multipliers, wider = step(point)
+            except FactorisationError as error:
+                raise CorrectorError(str(error)) from error
+            sizes.append(change(x, p))
+            _check_contraction(sizes)
+            x, multipliers, width = x + p, multipliers + change_of_multipliers, width + wider
+    if (inverted_facets(best.problem, best.x) <= 0).any():
+        raise CorrectorError("a facet turns inside out")
+    complaint = None if guard is None else guard(best.state)
+    if complaint:
+        raise CorrectorError(f"the band would pass through itself {complaint}")
+    ratio = sizes[1] / sizes[0] if len(sizes) > 1 and sizes[0] > ROUNDOFF_STEP else 0.0
+    return replace(best, steps=len(sizes), contraction=ratio, correction=sizes[0])
+
+
+def _check_contraction(sizes: list[float]) -> None:
+    """Raise CorrectorError where Newton steps are long or do not get shorter."""
+    if not sizes[-1] <= LONGEST_CORRECTION:
+        raise CorrectorError(f"Newton's method departs by {sizes[-1]:.2g}")
+    if len(sizes) > 1 and sizes[-1] > max(CONTRACTION * sizes[-2], ROUNDOFF_STEP):
+        raise CorrectorError(f"Newton's method does not contract ({sizes[-2]:.1e}, then {sizes[-1]:.1e})")

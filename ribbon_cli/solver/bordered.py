@@ -1,0 +1,157 @@
+"""The KKT system with the half-width as an unknown and one more row: regular at folds.
+
+Pseudo-arclength continuation (H. B. Keller 1977) solves
+
+    [ K   r ] [ z  ]   [ rhs ]        z = (p, -dlambda, gauge),  r = d(residual)/db,
+    [ a'  d ] [ db ] = [ s   ]        a = M t on the unknowns x, d = m t_b,
+
+where K is singular at a fold and the whole is not. Two eliminations are at hand. The first borders K
+symmetrically, [[K, a], [a', 0]], which is regular at a fold since the tangent t is K's null vector there:
+the row a joins the gauge rows, with the same sparse factorisation and scaling. The second takes K itself.
+Where one of the two matrices is singular on the branch the other is not, but for bifurcations, at which the
+whole system is singular (Govaerts 2000, Numerical Methods for Bifurcations, 3.6). Either is refined on the
+whole system, whose residual decides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from ..model.band import Array
+from ..model.problem import LocalDerivatives, Problem
+from ..model.width import constraints_by_width, gradient_by_width
+from .kkt import KKTMatrix
+from .linear import Factor, FactorisationError
+
+REFINEMENTS = 4
+GOAL = 1e-12
+LIMIT = 1e-7
+"""Residual of the bordered system, scaled and relative to the right-hand side, that refinement aims at, and
+the largest that is accepted."""
+NEGLIGIBLE = 1e-6
+"""Length of the border a, as part of d, below which its direction means nothing."""
+
+
+class BorderedSystem:
+    """The bordered system at one point, factored.
+
+    `covector` a (7N,) has no components along xi, `weight` is d. Raises FactorisationError if the matrices
+    are not finite.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        x: Array,
+        multipliers: Array,
+        local: LocalDerivatives,
+        covector: Array,
+        weight: float,
+    ) -> None:
+        self.problem, self.local = problem, local
+        self.rotations = problem.rotations(x)
+        gradient = gradient_by_width(problem, x, multipliers, local.gradient)
+        constraints = constraints_by_width(problem, x)
+        length = float(np.linalg.norm(covector))
+        # A band may keep its shape while b grows, as the ring does: a is roundoff, and no border for K.
+        flat = length <= NEGLIGIBLE * abs(weight)
+        self._eliminations = (self._by_plain,) if flat else (self._by_bordered, self._by_plain)
+        self._length = abs(weight) if flat else length
+        if not (np.isfinite(self._length) and self._length > 0.0):
+            raise FactorisationError("the border is zero or not finite")
+        unit = covector[:, None] / self._length
+        self._bordered = KKTMatrix(problem, local, np.hstack((self.rotations, unit)))
+        self._column = np.concatenate(
+            (
+                gradient,
+                constraints,
+                np.zeros(self.rotations.shape[1]),
+                [weight / self._length],
+            )
+        )
+        self._factor: Factor | None = None
+        self._plain: Factor | None = None
+        self._responses: dict[str, Array] = {}
+
+    def solve(self, gradient: Array, constraints: Array, level: float) -> tuple[Array, Array, float]:
+        """Step p (7N,), change of the multipliers (5N+3,) and of b for right-hand sides (7N,), (5N+3,) and s.
+
+        Raises FactorisationError if neither elimination is accurate.
+        """
+        gauge = self.rotations.shape[1]
+        rhs = np.concatenate((gradient, constraints, np.zeros(gauge), [level / self._length]))
+        best, best_error = (np.zeros_like(rhs), 0.0), np.inf
+        for eliminate in self._eliminations:
+            try:
+                found, error = self._refined(rhs, eliminate)
+            except FactorisationError:
+                continue
+            if error < best_error:
+                best, best_error = found, error
+            if best_error <= 1e-3 * LIMIT:
+                break
+        if not best_error <= LIMIT:
+            raise FactorisationError(
+                f"no accurate solution of the bordered system: residual {best_error:.1e}"
+            )
+        n = self.problem.size
+        z, width = best
+        return z[:n], -z[n : n + self.problem.rows], width
+
+    def _refined(
+        self, rhs: Array, eliminate: Callable[[Array], tuple[Array, float]]
+    ) -> tuple[tuple[Array, float], float]:
+        """A solution (z, db) refined on the whole system, and its scaled residual relative to rhs."""
+        scale = self._bordered.scale
+        size = float(np.abs(scale * rhs).max())
+        if size == 0.0:
+            return (np.zeros_like(rhs), 0.0), 0.0
+        z, width = eliminate(rhs)
+        best, best_error = (z, width), np.inf
+        for _ in range(REFINEMENTS):
+            residual = rhs - self._product(z, width)
+            error = float(np.abs(scale * residual).max()) / size
+            if not error < best_error:
+                break
+            best, best_error = (z, width), error
+            if error <= GOAL:
+                break
+            more, wider = eliminate(residual)
+            z, width = z + more, width + wider
+        return best, best_error
+
+    def _product(self, z: Array, width: float) -> Array:
+        """The whole matrix times (z, width); the multiplier of the row a in z is zero."""
+        scale = self._bordered.scale
+        out: Array = self._bordered.product(z / scale) / scale + self._column * width
+        return out
+
+    def _by_bordered(self, rhs: Array) -> tuple[Array, float]:
+        """Eliminate by [[K, a], [a', 0]]: the multiplier of a must vanish, which gives db."""
+        if self._factor is None:
+            self._factor = Factor(self._bordered)
+            self._responses["bordered"] = self._factor.solve(self._column)
+        response = self._responses["bordered"]
+        y = self._factor.solve(rhs)
+        if response[-1] == 0.0:
+            raise FactorisationError("the bordered system is singular")
+        width = float(y[-1] / response[-1])
+        y = y - width * response
+        y[-1] = 0.0
+        return y, width
+
+    def _by_plain(self, rhs: Array) -> tuple[Array, float]:
+        """Eliminate by K itself."""
+        if self._plain is None:
+            self._plain = Factor(KKTMatrix(self.problem, self.local, self.rotations))
+            self._responses["plain"] = self._plain.solve(self._column[:-1])
+        response, row = self._responses["plain"], self._bordered.rotations[:, -1]
+        y = self._plain.solve(rhs[:-1])
+        n = self.problem.size
+        pivot = float(self._column[-1] - row @ response[:n])
+        if pivot == 0.0:
+            raise FactorisationError("the bordered system is singular")
+        width = float(rhs[-1] - row @ y[:n]) / pivot
+        return np.append(y - width * response, 0.0), width

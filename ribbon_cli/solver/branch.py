@@ -1,0 +1,191 @@
+"""A branch step by step: how long a step may be, what happens within it, and where the branch ends.
+
+A step is accepted where the corrector contracts and the branch turns little: jumps to another branch show
+as a point off the tangent at either end. What happens between its ends (`branch_events`) is located on the
+branch itself.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import Enum
+
+from .arclength import (
+    CorrectorError,
+    Point,
+    Tangent,
+    along,
+    correct,
+    product,
+    tangent_from,
+)
+from .branch_events import Event, LocationError, Segment, events_of
+from .linear import FactorisationError
+from .newton import Guard
+
+LARGEST_TURN = 0.45
+WANTED_TURN = 0.2
+"""Angle between tangents, or between one and the chord, at which a step is refused, and at which it is
+repeated with the same length."""
+WANTED_CONTRACTION = 0.1
+WANTED_CORRECTION = 0.03
+WANTED_STEPS = 5
+"""Ratio of the first two Newton steps, size of the first, and number of them, that keep the length."""
+SHRINK, GROW = 0.5, 2.0
+
+
+class Reason(Enum):
+    """Why a branch ends; `value` is the word that is stored, `sentence` what a user reads."""
+
+    RANGE = "range"
+    FOLD = "fold"
+    STABILITY_LOST = "stability-lost"
+    CONTACT = "contact"
+    STEP_TOO_SMALL = "step-too-small"
+    STEPS = "steps"
+
+    @property
+    def sentence(self) -> str:
+        """The reason as a sentence."""
+        return _SENTENCES[self]
+
+
+_SENTENCES = {
+    Reason.RANGE: "The end of the range of widths.",
+    Reason.FOLD: "A fold, at which the branch was to stop.",
+    Reason.STABILITY_LOST: "The band lost its stability, at which the branch was to stop.",
+    Reason.CONTACT: "The band touches itself, at which the branch was to stop.",
+    Reason.STEP_TOO_SMALL: "No step along the branch is short enough to be followed.",
+    Reason.STEPS: "The limit on the number of steps.",
+}
+STOPS = (Reason.FOLD, Reason.STABILITY_LOST, Reason.CONTACT)
+
+
+@dataclass(frozen=True)
+class BranchOptions:
+    """What a branch is followed for.
+
+    It ends where b leaves [low, high], at the first event of the kinds in `stop_at`. `widths` are met
+    exactly. `first_step`, `least_step` and `largest_step` are lengths along the branch. `guard` as in a
+    solve.
+    """
+
+    low: float
+    high: float
+    widths: tuple[float, ...] = ()
+    stop_at: frozenset[Reason] = frozenset()
+    first_step: float = 0.01
+    least_step: float = 1e-6
+    largest_step: float = 0.1
+    guard: Guard | None = None
+
+
+@dataclass(frozen=True)
+class End:
+    """Where and why a branch ends."""
+
+    reason: Reason
+    half_width: float
+    detail: str = ""
+
+
+@dataclass(frozen=True)
+class Advance:
+    """One step: its events in order, and its end point with the tangent there, unless the branch ends before.
+
+    `length` is the step's, `following` that to be tried next. `refused` says, a line each, why longer steps
+    were not taken.
+    """
+
+    events: tuple[Event, ...]
+    point: Point | None
+    tangent: Tangent | None
+    length: float
+    following: float
+    refused: tuple[str, ...]
+    end: End | None
+
+
+def advance(base: Point, tangent: Tangent, length: float, options: BranchOptions) -> Advance:
+    """Take one step from a point of a branch along its unit tangent, of `length` or shorter."""
+    refused: list[str] = []
+    length = min(max(length, options.least_step), options.largest_step)
+    while True:
+        try:
+            segment = _attempt(base, tangent, length, options.guard)
+            found = events_of(segment, (*options.widths, options.low, options.high))
+            break
+        except (CorrectorError, FactorisationError, LocationError) as error:
+            refused.append(f"a step of {length:.3g} from b = {base.half_width:.12g} was refused: {error}")
+            if length <= options.least_step:
+                stuck = End(Reason.STEP_TOO_SMALL, base.half_width, str(error))
+                return Advance((), None, None, 0.0, 0.0, tuple(refused), stuck)
+            length = max(SHRINK * length, options.least_step)
+    events, end = _until_end(found, options)
+    following = min(segment.length * _factor(segment), options.largest_step)
+    if end is not None:
+        return Advance(events, None, None, segment.length, following, tuple(refused), end)
+    return Advance(events, segment.end, segment.end_tangent, segment.length, following, tuple(refused), None)
+
+
+def _attempt(base: Point, tangent: Tangent, length: float, guard: Guard | None) -> Segment:
+    """One step of exactly this length. Raises CorrectorError, FactorisationError."""
+    end = correct(base, tangent, length, along(base, tangent, length), guard)
+    there = tangent_from(end, tangent)
+    segment = Segment(base, tangent, end, there, length)
+    turn = _turn(segment)
+    if not turn <= LARGEST_TURN:
+        raise CorrectorError(f"the branch turns by {turn:.2g}")
+    rise = end.half_width - base.half_width
+    if tangent.half_width * there.half_width > 0.0 and rise * tangent.half_width < 0.0:
+        raise CorrectorError("b turns twice within it")
+    return segment
+
+
+def _turn(segment: Segment) -> float:
+    """The largest angle between the tangents at the ends and the chord."""
+    band, base, end = segment.base.problem.band, segment.base, segment.end
+    chord = Tangent(end.x - base.x, end.multipliers - base.multipliers, end.half_width - base.half_width)
+    size = math.sqrt(product(band, chord, chord))
+    t, there = segment.tangent, segment.end_tangent
+    cosines = (product(band, t, there), product(band, t, chord) / size, product(band, there, chord) / size)
+    return math.acos(max(-1.0, min(1.0, *cosines)))
+
+
+def _factor(segment: Segment) -> float:
+    """By how much the next step may be longer: Newton's count, its contraction, the branch's turning."""
+    point = segment.end
+    factor = min(
+        GROW,
+        WANTED_TURN / max(_turn(segment), 1e-6),
+        # The predictor's error, and with it the contraction, grow like the square of the length.
+        math.sqrt(WANTED_CONTRACTION / max(point.contraction, 1e-6)),
+        math.sqrt(WANTED_CORRECTION / max(point.correction, 1e-6)),
+    )
+    if point.steps > WANTED_STEPS:
+        factor = min(factor, WANTED_STEPS / point.steps)
+    return max(SHRINK, factor)
+
+
+def _until_end(found: tuple[Event, ...], options: BranchOptions) -> tuple[tuple[Event, ...], End | None]:
+    """The events up to the first that ends the branch, and the end."""
+    for k, event in enumerate(found):
+        reason = _ends(event, options)
+        if reason is not None:
+            return found[: k + 1], End(reason, event.point.half_width)
+    return found, None
+
+
+def _ends(event: Event, options: BranchOptions) -> Reason | None:
+    """Why the branch ends at an event, if it does."""
+    wanted = options.stop_at
+    if event.type == "fold" and Reason.FOLD in wanted:
+        return Reason.FOLD
+    if event.loses_stability and Reason.STABILITY_LOST in wanted:
+        return Reason.STABILITY_LOST
+    if event.type == "contact" and event.begins and Reason.CONTACT in wanted:
+        return Reason.CONTACT
+    if event.type == "width" and event.point.half_width in (options.low, options.high):
+        return Reason.RANGE
+    return None

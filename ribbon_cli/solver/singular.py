@@ -1,0 +1,97 @@
+"""Singular points of a branch: the smooth test function that finds them, and the mode that turns soft there.
+
+With a fixed vector c near the null vector of the projected Hessian, solve
+
+    [ K   c ] [ v ]   [ 0 ]
+    [ c'  0 ] [ g ] = [ 1 ].
+
+Then K v = -g c, so that g = -1/(c' K^-1 c) is smooth and passes zero exactly where K is singular, and there
+v is the null vector. The matrix stays regular (Griewank & Reddien 1984; Govaerts 2000, 3.3).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..model.band import Array
+from .arclength import Point, Tangent, weights
+from .kkt import KKTMatrix
+from .linear import Factor, FactorisationError
+from .saddle_free import start_vector
+from .spectra import SLIDING_OVERLAP, lowest_spectrum, sliding_overlap
+
+INVERSE_ITERATIONS = 12
+
+
+@dataclass(frozen=True)
+class Mode:
+    """A direction along which the energy is flat at a singular point, of length one in the metric of
+    arclength.
+
+    `overlap` (0 to 1) is its cosine with sliding the shape along the band.
+    """
+
+    tangent: Tangent
+    overlap: float
+
+    @property
+    def word(self) -> str:
+        """`sliding` or `shape`."""
+        return "sliding" if self.overlap > SLIDING_OVERLAP else "shape"
+
+
+def soft_direction(point: Point) -> Array:
+    """A covector c (7N,) on u and g along the eigenvector nearest to zero, by inverse iteration."""
+    inner = weights(point.problem.band)[0]
+    factor = Factor(point.matrix)
+    n = point.problem.size
+    rhs = np.zeros(point.matrix.size + point.matrix.border)
+    v = start_vector(n, point.problem.fixed)
+    for _ in range(INVERSE_ITERATIONS):
+        rhs[:n] = inner * v
+        v = factor.solve_backward(rhs)[:n]
+        v /= np.sqrt(v @ (inner * v))
+    out: Array = inner * v
+    return out
+
+
+def soft_value(point: Point, c: Array) -> tuple[float, Tangent]:
+    """g and v (with b = 0) at a point. Raises FactorisationError if c is no border that makes K regular."""
+    problem = point.problem
+    rotations = problem.rotations(point.x)
+    length = float(np.linalg.norm(c))
+    matrix = KKTMatrix(problem, point.local, np.hstack((rotations, c[:, None] / length)))
+    rhs = np.zeros(matrix.size + matrix.border)
+    rhs[-1] = 1.0
+    z = Factor(matrix).solve(rhs)
+    n = problem.size
+    return float(z[-1]), Tangent(z[:n], -z[n : n + problem.rows], 0.0)
+
+
+def with_multipliers(point: Point, x: Array) -> Tangent:
+    """The null vector at a singular point near x (7N,), multipliers included."""
+    inner = weights(point.problem.band)[0]
+    return mode_of(point, soft_value(point, inner * x)[1]).tangent
+
+
+def mode_of(point: Point, v: Tangent) -> Mode:
+    """A direction as a mode: of length one, its largest component positive, with its overlap with sliding."""
+    inner = weights(point.problem.band)[0]
+    size = float(np.sqrt(v.x @ (inner * v.x)))
+    size *= float(np.sign(v.x[np.argmax(np.abs(v.x))]))
+    tangent = Tangent(v.x / size, v.multipliers / size, v.half_width / size)
+    return Mode(tangent, sliding_overlap(point.problem, point.x, v.x))
+
+
+def lowest_mode(point: Point) -> tuple[float, float] | None:
+    """The lowest eigenvalue in the physical metric and its mode's overlap with sliding; None if not found."""
+    try:
+        found = lowest_spectrum(point.problem, point.x, point.local, "physical", 1)
+    except FactorisationError:
+        return None
+    for value, label, overlap in zip(found.values, found.labels, found.sliding_overlap, strict=True):
+        if label != "rotation":
+            return float(value), float(overlap)
+    return None

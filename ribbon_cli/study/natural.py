@@ -1,0 +1,119 @@
+"""`ribbon continue` without arclength: from width to width among minima, up to the first fold."""
+
+from __future__ import annotations
+
+import math
+
+from ..config import Arclength
+from ..model.problem import Problem
+from ..solver.branch import End, Reason
+from ..solver.continuation import to_width
+from ..solver.status import Status
+from ..store import StateRecord
+from .outcome import Course, CoursePoint
+from .records import multipliers_of, state_of
+from .steps import Steps
+
+MOST_HALVINGS = 8
+"""A step in width is given up when 1/256 of it fails too."""
+CONTACT_ACCURACY = 1e-7
+"""Part of the band's length to which the first width of contact is bracketed."""
+
+
+class Natural:
+    """Natural continuation from a stored minimum; every step is a function of stored states."""
+
+    def __init__(self, steps: Steps, request: Arclength, start: StateRecord) -> None:
+        self.steps, self.journal = steps, steps.journal
+        self.request, self.start = request, start
+        self.met: list[StateRecord] = []
+
+    def follow(self, name: str) -> Course:
+        """Reach the widths `at` on the way and `to`; the course ends with the first that is not reached."""
+        start, to = self.start.half_width, self.request.to
+        sign = math.copysign(1.0, to - start)
+        between = (b for b in self.request.at if 0.0 < sign * (b - start) < sign * (to - start))
+        current, end = self.start, None
+        for b in (*sorted(between, key=lambda b: sign * b), to):
+            current, end = self._reach(name, current, b)
+            if end is not None:
+                break
+        end = end or End(Reason.RANGE, to)
+        message = f"{end.reason.sentence} {end.detail}".strip()
+        self.journal.note(f"{name} ends at b = {end.half_width:.12g}: {message}")
+        points = tuple(_point(record) for record in self.met)
+        return Course(name, self.start.label, points, end.reason.value, end.half_width, message)
+
+    def _reach(self, name: str, current: StateRecord, b: float) -> tuple[StateRecord, End | None]:
+        """Go to a width in steps as long as they succeed; where it ends if it is not reached."""
+        step = b - current.half_width
+        while current.half_width != b:
+            left = b - current.half_width
+            aim = b if abs(step) >= abs(left) * (1.0 - 1e-9) else current.half_width + step
+            following = self._step(name, current, aim, "equilibrium" if aim == b else "intermediate")
+            if isinstance(following, str):
+                if abs(aim - current.half_width) <= abs(b - self.start.half_width) / 2**MOST_HALVINGS:
+                    return current, End(Reason.STEP_TOO_SMALL, current.half_width, _hint(following))
+                step = 0.5 * (aim - current.half_width)
+                continue
+            if following.self_contact and not current.self_contact and "contact" in self.request.stop_at:
+                return self._locate_contact(name, current, following)
+            self.met.append(following)
+            step = 2.0 * (following.half_width - current.half_width)
+            current = following
+        return current, None
+
+    def _locate_contact(
+        self, name: str, before: StateRecord, after: StateRecord
+    ) -> tuple[StateRecord, End | None]:
+        """Halve the step that led to contact until the width is known; the end is in contact."""
+        low, high = before, after
+        near = CONTACT_ACCURACY * before.length
+        while abs(high.half_width - low.half_width) > near:
+            middle = 0.5 * (low.half_width + high.half_width)
+            found = self._step(name, low, middle, "intermediate")
+            if isinstance(found, str):
+                return low, End(Reason.STEP_TOO_SMALL, low.half_width, found)
+            low, high = (low, found) if found.self_contact else (found, high)
+        self.met.append(high)
+        return high, End(Reason.CONTACT, high.half_width)
+
+    def _step(self, name: str, current: StateRecord, b: float, kind: str) -> StateRecord | str:
+        """A minimum at a width, stored or computed from the state before it; a sentence if there is none."""
+        stage = f"{name}, b = {b:.17g}"
+        known = self.journal.finished(stage)
+        if known is not None:
+            return known
+        self.steps.begin(stage, b, current.segments)
+        clock = self.journal.clock()
+        move = to_width(state_of(current), multipliers_of(current), b, self.steps.options)
+        result = self.steps.checked(Problem(move.band), move.result)
+        if result.status is not Status.MINIMUM:
+            why = f"a step from b = {current.half_width:.12g} to {b:.12g} failed: {result.message}"
+            self.journal.note(f"{name}: {why}")
+            return why
+        return self.steps.store_move(move, result, clock, kind=kind, stage=stage, parent=current.label)
+
+
+def _hint(why: str) -> str:
+    return f"{why} --arclength goes around folds."
+
+
+def _point(record: StateRecord) -> CoursePoint:
+    kind = "width" if record.kind == "equilibrium" else "contact" if record.self_contact else "step"
+    return CoursePoint(
+        label=record.label,
+        type=kind,
+        half_width=record.half_width,
+        energy=record.energy,
+        status=record.status,
+        negative_eigenvalues=record.negative_eigenvalues,
+        index_before=None,
+        index_after=None,
+        lowest_eigenvalue=None,
+        sliding_overlap=None,
+        linking_number=record.linking_number,
+        self_contact=record.self_contact,
+        clearance=record.clearance,
+        arclength=None,
+    )

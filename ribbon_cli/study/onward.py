@@ -1,0 +1,95 @@
+"""`ribbon continue`: from a stored state to other widths; the result joins its run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from ..config import Arclength
+from ..errors import UsageError
+from ..recipes.eversion import not_everted
+from ..store import Run, StateRecord, resolve_state
+from .branch import Branches
+from .journal import run_or_read
+from .natural import Natural
+from .outcome import Outcome
+from .progress import Progress, Silence
+from .records import state_of
+from .refine import CONFIG_FACTS, spectrum_of
+from .steps import Steps
+
+
+def continue_state(
+    root: Path,
+    ref: str,
+    request: Arclength,
+    *,
+    natural: bool = False,
+    progress: Progress | None = None,
+    argv: Sequence[str] = (),
+) -> Outcome:
+    """Follow the branch of the state that `ref` names, which may be a saddle; the same call again resumes.
+
+    `natural` continuation goes from width to width among minima instead, and ends before the first fold.
+    Raises UsageError for a state outside of a run, with an open seam or prescribed rulings, that is not
+    stationary, or at the width asked for.
+    """
+    run, label, path = resolve_state(root, ref)
+    if run is None or label is None:
+        raise UsageError(f"{path}: not in a run, and what continue makes joins the state's run")
+    record = run.load(label)
+    _check(ref, record, request)
+    if natural and not record.certified:
+        raise UsageError(f"{ref}: not a certified minimum ({record.status}): give --arclength")
+
+    def study(watcher: Progress) -> Outcome:
+        steps = _steps(run, record, watcher, argv)
+        try:
+            if natural:
+                courses = [Natural(steps, request, record).follow(f"from {record.label}")]
+            else:
+                branches = Branches(steps, request, record)
+                branches.follow(branch_name(record, request))
+                courses = branches.courses
+        finally:
+            watcher.done()
+        notes, new = tuple(steps.journal.notes), steps.journal.new_states
+        return Outcome(run, (), notes, new, tuple(courses))
+
+    return run_or_read(run, progress or Silence(), study)
+
+
+def _steps(run: Run, record: StateRecord, progress: Progress, argv: Sequence[str]) -> Steps:
+    origin = {key: value for key, value in record.provenance.items() if key in CONFIG_FACTS}
+    everted = record.half_twists == 0 and not_everted(state_of(record)) is None
+    return Steps(run, record.half_twists, spectrum_of(run), progress, argv, origin, 1, everted)
+
+
+def _check(ref: str, record: StateRecord, request: Arclength) -> None:
+    """Raise UsageError for a state that cannot be continued to where the request says."""
+    if record.kind == "auxiliary":
+        raise UsageError(f"{ref}: an auxiliary state, with prescribed rulings, cannot be continued")
+    if max(record.kkt_residual, record.constraint_residual) > 1e-8:
+        raise UsageError(f"{ref}: not stationary ({record.status}): there is no branch through it")
+    if record.branch is not None and record.branch.type in ("fold", "branch-point"):
+        raise UsageError(
+            f"{ref}: lies on a {record.branch.type}, where no direction in b is given: name a state beside it"
+        )
+    for option, width in (("--to", request.to), ("--back-to", request.back_to)):
+        if width is not None and not 0.0 < width < record.length:
+            raise UsageError(
+                f"{option}: must be a half-width between 0 and the length {record.length:g}, got {width:g}"
+            )
+    if abs(request.to - record.half_width) <= 1e-9 * record.half_width:
+        raise UsageError(f"{ref}: has b = {record.half_width:.12g} already")
+
+
+def branch_name(record: StateRecord, request: Arclength) -> str:
+    """The branch's name in its run: other steps or widths make another branch of it."""
+    plain = Arclength(request.to)
+    marks = []
+    if request.max_step != plain.max_step:
+        marks.append(f"steps up to {request.max_step:.12g}")
+    if request.at:
+        marks.append("at b = " + ", ".join(f"{b:.12g}" for b in request.at))
+    return f"branch from {record.label}" + (f" ({'; '.join(marks)})" if marks else "")
