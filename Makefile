@@ -15,7 +15,7 @@ PIP := $(BIN)/python -m pip -qq --disable-pip-version-check
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup table-3.1 test test-minimum lint bench clean
+.PHONY: help setup table-3.1 test test-minimum test-faults lint bench clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z][a-z0-9.-]*\):.*## \(.*\)/make \1|\2/p' Makefile | awk -F'|' '{printf "%-16s %s\n", $$1, $$2}'
@@ -33,6 +33,9 @@ test: $(READY_DEV) ## run the whole test suite
 test-minimum: $(MINIMUM)/ready ## run the quick tests on the lowest supported versions
 	@$(MINIMUM)/bin/python -m pytest -m "not slow" \
 		--ignore=tests/test_resume.py --ignore=tests/test_study.py --ignore=tests/test_table_3_1.py
+
+test-faults: $(READY_DEV) ## run the long fault tests of the store: kills, failing calls, crash images, damage
+	@$(BIN)/python -m pytest -m faults --durations=0
 
 lint: $(READY_DEV) ## check style, format and types
 	@$(BIN)/ruff check .

@@ -25,7 +25,7 @@ from ribbon_cli.store import (
     summary,
     write_atomic,
 )
-from ribbon_cli.store.layout import SPECTRUM, STATE
+from ribbon_cli.store.layout import DIMENSIONS, SPECTRUM, STATE, dimensions_markdown
 
 FORMAT_PAGE = Path(__file__).parent.parent / "docs" / "format.md"
 
@@ -141,8 +141,9 @@ def test_root_attributes_and_description_of_every_dataset(stored):
         file.visititems(check)
         np.testing.assert_array_equal(file["state/u"][()], record.u)
         assert file["certificate/certified"][()] is np.True_
-    absent = ("parent", "parent_ref", "cut_node", "g_cut")
-    expected = [item.path for item in STATE if item.field not in absent]
+    optional = ("parent", "parent_ref", "prescribed", "seam_open", "cut_node", "g_cut")
+    expected = [item.path for item in STATE if item.field not in optional]
+    paths = [path for path in paths if path.rpartition("/")[2] not in DIMENSIONS]
     assert {path for path in paths if not path.startswith(("/spectra", "/provenance"))} == set(expected)
 
 
@@ -159,6 +160,12 @@ def test_documented_table_is_the_code_s():
     page = FORMAT_PAGE.read_text(encoding="utf-8")
     table = page.split("<!-- layout:begin -->\n")[1].split("<!-- layout:end -->")[0]
     assert table == layout_markdown()
+
+
+def test_documented_dimensions_are_the_code_s():
+    page = FORMAT_PAGE.read_text(encoding="utf-8")
+    table = page.split("<!-- dimensions:begin -->\n")[1].split("<!-- dimensions:end -->")[0]
+    assert table == dimensions_markdown()
 
 
 def test_documented_hash_is_the_code_s(stored):

@@ -47,7 +47,7 @@ def test_a_second_writer_is_told_who_writes_and_a_killed_one_leaves_no_lock(tmp_
         with pytest.raises(LockedError):
             run.set_aside()
         with pytest.raises(LockedError):
-            run.rebuild_index()
+            run.repair()
         assert len(run.states()) == 1  # readers do not wait
     finally:
         child.kill()
@@ -130,7 +130,7 @@ def test_nothing_committed_is_lost_in_kills_at_random_moments(tmp_path):
     for _ in range(15):
         child = start(COMMIT, str(tmp_path))
         child.stdout.readline()
-        time.sleep(chance.uniform(0.0, 0.15))
+        time.sleep(chance.uniform(0.0, 0.3))
         child.send_signal(signal.SIGKILL)
         said = child.stdout.read().split()
         child.wait()

@@ -63,7 +63,7 @@ def sliding_tangent(problem: Problem, x: Array) -> Array:
     return out
 
 
-def _sliding(problem: Problem, x: Array, weights: Array, rotations: Array) -> Array:
+def sliding_covector(problem: Problem, x: Array, weights: Array, rotations: Array) -> Array:
     """Covector M t / |t| (7N,) of the sliding tangent t, rotations projected out; zero if t is a rotation."""
     tangent = sliding_tangent(problem, x)
     if rotations.shape[1]:
@@ -124,7 +124,7 @@ def full_spectra(
         pencil = gram if odd.size else None
         values, y = linalg.eigh(projected, pencil, check_finite=False)
         residuals = np.linalg.norm(projected @ y - (gram @ y if odd.size else common * y) * values, axis=0)
-        overlaps = (_sliding(problem, x, weights, rotations) @ basis) @ y
+        overlaps = (sliding_covector(problem, x, weights, rotations) @ basis) @ y
         vectors = basis @ y[:, :keep]
         out.append(_assemble(metric, rotations, weights, values, residuals, overlaps, vectors, complete=True))
     return out
@@ -172,12 +172,12 @@ def lowest_spectrum(
         vectors[:, j] /= np.sqrt(vectors[:, j] @ (weights * vectors[:, j]))
     values = np.einsum("ij,ij->j", vectors, hessian @ vectors)
     excess = hessian @ vectors - (weights[:, None] * vectors) * values
-    residuals = _projected_norms(matrix, excess)
-    overlaps = _sliding(problem, x, weights, rotations) @ vectors
+    residuals = projected_norms(matrix, excess)
+    overlaps = sliding_covector(problem, x, weights, rotations) @ vectors
     return _assemble(metric, rotations, weights, values, residuals, overlaps, vectors, complete=False)
 
 
-def _projected_norms(matrix: KKTMatrix, excess: Array) -> Array:
+def projected_norms(matrix: KKTMatrix, excess: Array) -> Array:
     """Euclidean norms (k,) of the tangential parts of vectors (7N, k)."""
     projector = Factor(matrix.with_unit_metric(scaled=False))
     rhs = np.zeros(matrix.size + matrix.border)

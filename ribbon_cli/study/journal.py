@@ -21,6 +21,7 @@ from ..recipes.eversion import not_everted
 from ..solver.newton import Options
 from ..solver.status import Result, SaddleMet, Status
 from ..store import Run, StateRecord
+from ..store.provenance import config_facts
 from .outcome import Outcome
 from .progress import Progress, Recording
 from .records import Clock, Origin, Reached, build_record, saddle_result
@@ -55,8 +56,11 @@ class Journal:
         self.notes: list[str] = []
         self.new_states = 0
         self._argv, self._origin = argv, origin
+        self._config = config_facts(run.path)
         self._ends: dict[str, int] = {}
         self._saddles: dict[str, int] = {}
+        for remark in run.remarks:
+            self.note(remark)
         for label, entry in sorted(run.entries().items()):
             state = entry["state"]
             if state["kind"] == "saddle":
@@ -67,18 +71,27 @@ class Journal:
     def finished(self, stage: str) -> StateRecord | None:
         """The state that ended a stage, if it is stored."""
         label = self._ends.get(stage)
-        return None if label is None else self.run.load(label)
+        return None if label is None else self.run.look_up(label)
 
     def note(self, text: str) -> None:
         """Tell whoever watches, and keep it for the outcome."""
         self.notes.append(text)
         self.progress.note(text)
 
+    def end(self, outcome: Outcome) -> None:
+        """Keep in the log which targets were missed, where that is news and the run is open for writing."""
+        if not self.run.is_writing:
+            return
+        missed = [[target.half_width, target.segments] for target in outcome.targets if not target.reached]
+        ended = [event for event in self.run.events() if event["event"] == "ended"]
+        if self.new_states or not ended or ended[-1]["missed"] != missed:
+            self.run.log_event("ended", exit_code=outcome.exit_code, missed=missed)
+
     def clock(self) -> Clock:
         """A clock for a stage that begins now. Raises NotStoredError if its end could not be committed."""
         if not self.run.is_writing:
             raise NotStoredError
-        return Clock(self._argv, self._origin)
+        return Clock(self._argv, self._origin, self._config)
 
     def store(
         self,

@@ -23,6 +23,7 @@ from .constructions import construct, evert
 from .contact import locate_contact
 from .given import given_state
 from .journal import converged, run_or_read
+from .nearest import what_changed
 from .outcome import Outcome, Target
 from .plan import guess_notes, plan_of, refined_at, refinement_name, start_name, visits, width_name
 from .progress import Progress, Silence
@@ -40,14 +41,17 @@ def solve_config(
     fresh: bool = False,
     progress: Progress | None = None,
     argv: Sequence[str] = (),
+    references: Path | None = None,
 ) -> Outcome:
     """Run all stages of a config that its run does not hold yet.
 
-    `root` is the folder of the runs. `fresh` puts an existing run aside first, keeping it. Targets that are
-    not reached are in the outcome. Raises UsageError for a given state that does not fit (before any run
+    `root` is the folder of the runs; `references` is that of the runs that the config's guess may refer to, by
+    default the same. `fresh` puts an existing run aside first, keeping it. Targets that are not reached are in the
+    outcome, and the run's log keeps which. Raises UsageError for a given state that does not fit (before any run
     folder is made), StoreError, LockedError.
     """
-    given = given_state(config, root) if config.guess.recipe == "state" else None
+    given = given_state(config, references or root) if config.guess.recipe == "state" else None
+    changed = what_changed(config, root)
     run = _open(config, root)
     if fresh and run.entries():
         run.set_aside()
@@ -56,7 +60,11 @@ def solve_config(
     def study(watcher: Progress) -> Outcome:
         one_pass = _Study(config, run, given, watcher, argv)
         try:
-            return one_pass.run()
+            if changed:
+                one_pass.journal.note(changed)
+            outcome = one_pass.run()
+            one_pass.journal.end(outcome)
+            return outcome
         finally:
             watcher.done()
 
