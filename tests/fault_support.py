@@ -1,4 +1,5 @@
-"""Forked children for the tests of faults: killed, limited, or left to run. Forking costs milliseconds, starting
+"""Forked children for the tests of faults: killed, limited, or left to run. Forking costs milliseconds,
+starting
 Python half a second."""
 
 from __future__ import annotations
@@ -30,7 +31,9 @@ spectrum: {modes: 2, full_up_to: 0}
 
 @dataclass(frozen=True)
 class Ended:
-    """How a child ended: its exit code, or minus the signal; what it wrote; seconds of processor; bytes of memory."""
+    """How a child ended: its exit code, or minus the signal; what it wrote; seconds of processor; bytes of
+    memory.
+    """
 
     code: int
     output: str
@@ -39,7 +42,9 @@ class Ended:
 
 
 def child(action: Callable[[], object]) -> int:
-    """Fork, do something in the child, and return its pid; the child leaves with 0, or with 70 and a traceback."""
+    """Fork, do something in the child, and return its pid; the child leaves with 0, or with 70 and a
+    traceback.
+    """
     pid = os.fork()
     if pid:
         return pid
@@ -48,7 +53,7 @@ def child(action: Callable[[], object]) -> int:
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, signal.SIG_DFL)
         code = int(action() or 0)
-    except BaseException:
+    except BaseException:  # noqa: BLE001  (whatever it is, the child must not go on as the parent)
         traceback.print_exc()
     finally:
         sys.stdout.flush()
@@ -69,7 +74,7 @@ def limited(action: Callable[[], object], folder: Path, seconds: int = 2, memory
         descriptor = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
         os.dup2(descriptor, 1)
         os.dup2(descriptor, 2)
-        sys.stdout, sys.stderr = open(1, "w", closefd=False), open(2, "w", closefd=False)
+        sys.stdout, sys.stderr = os.fdopen(1, "w"), os.fdopen(2, "w")
         born = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
         resource.setrlimit(resource.RLIMIT_AS, (born + memory, born + memory))
         resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
@@ -113,7 +118,9 @@ class Marks:
 
 
 def kill_after(pid: int, seconds: float, marks: Marks | None = None) -> bool:
-    """Kill a child some time from now or, with marks, from the begin of its next commit; whether it still ran."""
+    """Kill a child some time from now or, with marks, from the begin of its next commit; whether it still
+    ran.
+    """
     deadline = time.monotonic() + 60.0
     while marks is not None and not marks.committing and time.monotonic() < deadline:
         if os.waitid(os.P_PID, pid, os.WEXITED | os.WNOHANG | os.WNOWAIT):

@@ -97,7 +97,9 @@ def relative_files(folder: Path) -> set[str]:
 
 
 def reseal(path: Path, version: str = "1.1", **changes: Any) -> None:
-    """Make the hash in a state file's head that of its bytes, its summary `changes` richer, and its version another."""
+    """Make the hash in a state file's head that of its bytes, its summary `changes` richer, and its version
+    another.
+    """
     data = path.read_bytes()
     line, _, rest = data.partition(b"\n")
     if not line.startswith(b"ribbon-state ") or len(line) != 88:

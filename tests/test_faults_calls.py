@@ -1,4 +1,6 @@
-"""Every system call of a commit fails once in a real `ribbon solve`: documented exit code, one line, nothing lost."""
+"""Every system call of a commit fails once in a real `ribbon solve`: documented exit code, one line, nothing
+lost.
+"""
 
 from __future__ import annotations
 

@@ -133,7 +133,7 @@ def adversarial(chance: random.Random) -> bytes:
             "widths: [" + "0.1, " * many + "0.2]",
             "widths: {from: 0.1, to: 0.2, steps: " + "9" * chance.randint(1, 30) + "}",
             "topology: {half_twists: " + "9" * many + "}",
-            "initial_guess: {recipe: twist, segments: 999999999, half_width: 0.1}\ntopology: {half_twists: 1}",
+            "initial_guess: {recipe: twist, segments: 99999999, half_width: 0.1}\ntopology: {half_twists: 1}",
             "<<: {length: 1}\n" * 100,
             "a: 1\n---\n" * 1000,
             '"' + "\\" * many,

@@ -1,7 +1,7 @@
 """What a power cut may leave of a commit: any prefix of its writes, and any part of what was not synced yet.
 
-The operations of a real commit are recorded, and disks are made on which some of them never arrived. What was synced
-before the cut is there; of the rest, names and blocks of 512 bytes may each be there or not.
+The operations of a real commit are recorded, and disks are made on which some of them never arrived. What was
+synced before the cut is there; of the rest, names and blocks of 512 bytes may each be there or not.
 """
 
 from __future__ import annotations
@@ -229,7 +229,7 @@ def test_every_prefix_of_a_commit_gives_the_old_or_the_new(recorded, tmp_path):
 
 
 def subsets(recorded, tmp_path, count: int, seed: int) -> tuple[int, int]:
-    """Cut at random places with random parts of what was not synced; how often the old and the new came out."""
+    """Cut at random places with random parts of what was not synced; how often old and new came out."""
     before, operations, new = recorded
     chance = random.Random(seed)
     counts = {2: 0, 3: 0}
@@ -239,7 +239,7 @@ def subsets(recorded, tmp_path, count: int, seed: int) -> tuple[int, int]:
         disk = before.copy()
         for index, operation in enumerate(operations[:cut]):
             durable = synced(operations[:cut], index)
-            disk.apply(operation, lambda durable=durable: durable or chance.random() < share)
+            disk.apply(operation, lambda durable=durable, share=share: durable or chance.random() < share)
         last = max(i for i, operation in enumerate(operations) if operation.kind == "sync")
         folder = tmp_path / f"cut-{k}" / "mobius-0123abcd"
         counts[reopen(disk, folder, new, acknowledged=cut > last)] += 1

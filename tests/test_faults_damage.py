@@ -1,4 +1,6 @@
-"""Damaged and hostile files: every flipped byte and every truncation is seen; no file brings the process down."""
+"""Damaged and hostile files: every flipped byte and every truncation is seen; no file brings the process
+down.
+"""
 
 from __future__ import annotations
 
@@ -219,7 +221,9 @@ def damaged(chance: random.Random, path: Path, sealed: bool) -> None:
 
 
 def read_it(path: Path, state: bytes) -> Callable[[], int]:
-    """Verify a file as a user would; 90 where it is accepted though something else than `FREE` is said differently."""
+    """Verify a file as a user would; 90 where it is accepted though something else than `FREE` is said
+    differently.
+    """
 
     def action() -> int:
         try:

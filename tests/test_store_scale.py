@@ -1,4 +1,6 @@
-"""A run of five thousand states: what listings, references and resuming open and read does not grow with the files."""
+"""A run of five thousand states: what listings, references and resuming open and read does not grow with the
+files.
+"""
 
 from __future__ import annotations
 
@@ -101,7 +103,7 @@ def test_the_index_is_rebuilt_by_reading_each_state_once_and_without_hdf5(big, t
         raise AssertionError("HDF5 was asked")
 
     run = make_big_run(tmp_path, 50)
-    before = [state for state in run.states()]
+    before = list(run.states())
     run.log_path.unlink()
     monkeypatch.setattr("ribbon_cli.store.recovery.decode_bytes", no_hdf5)
     with opened(run.path) as files:

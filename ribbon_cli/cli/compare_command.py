@@ -27,8 +27,8 @@ _LONGEST = 40
 def compare(settings: Settings, first: str, second: str) -> None:
     """Compare two states or two runs.
 
-    Of states, what differs is listed, arrays with their largest difference; of runs, the states that ended the same
-    stages. Equal means to the last bit.
+    Of states, what differs is listed, arrays with their largest difference; of runs, the states that ended
+    the same stages. Equal means to the last bit.
     """
     from ribbon_cli.store import names_state
 

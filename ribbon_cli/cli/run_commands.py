@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 def repair(settings: Settings, run: str) -> None:
     """Bring a RUN to order after damage.
 
-    Nothing is deleted: the log is rebuilt from the states, damaged files are renamed to *.damaged-K, config files are restored from
-    the states. The next `ribbon solve` computes again what was lost.
+    Nothing is deleted: the log is rebuilt from the states, damaged files are renamed to *.damaged-K, config
+    files are restored from the states. The next `ribbon solve` computes again what was lost.
     """
     from ribbon_cli.store import find_run
 
@@ -144,8 +144,8 @@ def path(settings: Settings, ref: str) -> None:
 def rerun(settings: Settings, run: str, into: str | None) -> int:
     """Repeat a RUN from its stored config alone.
 
-    Says whether every state comes out the same. The exit code is 3 where one differs or is not reached. Bytes are the same on one machine with the same
-    versions; elsewhere, energies agree up to rounding.
+    Says whether every state comes out the same. The exit code is 3 where one differs or is not reached. Bytes
+    are the same on one machine with the same versions; elsewhere, energies agree up to rounding.
     """
     from pathlib import Path
 

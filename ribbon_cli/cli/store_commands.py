@@ -29,8 +29,8 @@ _WHOLE_CONFIGS = ("config_text", "config_resolved")
 def ls(settings: Settings, run: str | None, everything: bool, status: str | None, kind: str | None) -> int:
     """List the runs, or the equilibria of a RUN.
 
-    Of runs it says how far they have come: how many of the equilibria that the config names are done, in hand,
-    waiting or failed. RUN@b=0.5 and RUN@b=0.5,N=400 list the states of a width or mesh.
+    Of runs it says how far they have come: how many of the equilibria that the config names are done, in
+    hand, waiting or failed. RUN@b=0.5 and RUN@b=0.5,N=400 list the states of a width or mesh.
     """
     from ribbon_cli.cli.render import runs_table
     from ribbon_cli.store import list_runs

@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 def verify(settings: Settings, ref: str) -> int:
     """Check a RUN, a STATE or all runs.
 
-    Files are compared with the hashes that were committed, and what they say of a shape is computed again from
-    the shape: energy, residuals, inertia, linking number, contact, geometry. The exit code is 4 when anything
-    differs.
+    Files are compared with the hashes that were committed, and what they say of a shape is computed again
+    from the shape: energy, residuals, inertia, linking number, contact, geometry. The exit code is 4 when
+    anything differs.
     """
     from ribbon_cli.study import verify as check
 

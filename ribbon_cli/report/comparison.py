@@ -18,7 +18,8 @@ _ORDER = ("/origin/label", "/origin/parent")
 
 @dataclass(frozen=True)
 class FieldPair:
-    """One dataset of two states: `first` and `second` are scalars, or shapes of arrays, None where there is none.
+    """One dataset of two states: `first` and `second` are scalars, or shapes of arrays, None where there is
+    none.
 
     `difference` is the largest absolute one of numbers of one shape, else None.
     """
@@ -32,7 +33,9 @@ class FieldPair:
 
 @dataclass(frozen=True)
 class StatePair:
-    """A state of one run beside that of the other that ended the same stage; labels, None where there is none."""
+    """A state of one run beside that of the other that ended the same stage; labels, None where there is
+    none.
+    """
 
     stage: str
     kind: str
@@ -65,7 +68,9 @@ def _pair(path: str, one: Value | None, two: Value | None) -> FieldPair:
 
 
 def _difference(one: Any, two: Any) -> float | None:
-    """Largest absolute difference of two arrays of numbers; infinite where only one is finite, None if shapes differ."""
+    """Largest absolute difference of two arrays of numbers; infinite where only one is finite, None if
+    shapes differ.
+    """
     import numpy as np
 
     if one.shape != two.shape:
@@ -89,8 +94,8 @@ def _shown(value: Value | None) -> Any:
 def compare_runs(first: Run, second: Run) -> list[StatePair]:
     """The states of two runs by the stages that they ended, in the order of the first run.
 
-    Two states are equal where all that was computed is, but for their places in the run. Raises StoreError for a
-    file that is not what was committed.
+    Two states are equal where all that was computed is, but for their places in the run. Raises StoreError
+    for a file that is not what was committed.
     """
     for run in (first, second):
         for label, entry in run.entries().items():

@@ -94,7 +94,10 @@ def sync_folder(path: str | Path) -> None:
 
 
 def publish(temporary: Path, path: Path, overwrite: bool) -> None:
-    """Give a finished, synced file its name, durably. Raises OSError, FileExistsError for an existing file."""
+    """Give a finished, synced file its name, durably.
+
+    Raises OSError, FileExistsError for an existing file.
+    """
     _rename(temporary, path, overwrite)
     try:
         sync_folder(path.parent)

@@ -36,7 +36,9 @@ def is_provenance(path: str) -> bool:
 
 
 def is_scientific(path: str) -> bool:
-    """Whether the content hash covers a path: everything but /provenance and scales, which follow from the rest."""
+    """Whether the content hash covers a path: everything but /provenance and scales, which follow from the
+    rest.
+    """
     return not is_provenance(path) and path.rpartition("/")[2] not in DIMENSIONS
 
 

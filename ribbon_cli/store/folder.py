@@ -104,7 +104,10 @@ def place(temporary: Path, path: Path) -> None:
 
 
 def remove(path: Path) -> None:
-    """Delete a run's folder: renamed first, so that a kill leaves no half run under its name. Raises OSError."""
+    """Delete a run's folder: renamed first, so that a kill leaves no half run under its name.
+
+    Raises OSError.
+    """
     temporary = temporary_name(path)
     os.rename(path, temporary)
     sync_folder(path.parent)

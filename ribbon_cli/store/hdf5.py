@@ -31,7 +31,8 @@ COMPRESS_ABOVE = 64
 """Arrays of more elements are compressed; below, the filter costs more than it saves."""
 GZIP_LEVEL = 4
 MAX_BYTES = 2**28
-"""Largest state file, and largest sum of its datasets once unpacked, that is read: N = 100 000 with its modes fits."""
+"""Largest state file, and largest sum of its datasets once unpacked, that is read: N = 100 000 with its
+modes fits."""
 MAX_OBJECTS = 1000
 """Most groups and datasets that are visited; a state has less than a hundred."""
 _FILTERS = {1, 2, 3}  # deflate, shuffle, fletcher32: all built in, so that no plug-in is ever loaded
@@ -69,7 +70,8 @@ def encode(record: StateRecord) -> bytes:
     creation.set_userblock(block_size(summary))
     creation.set_obj_track_times(False)
     access = h5p.create(h5p.FILE_ACCESS)
-    # Not the core driver's image: HDF5 before 1.14 hands that out with a superblock whose checksum is not its own.
+    # Not the core driver's image: HDF5 before 1.14 hands that out with a superblock whose checksum is not its
+    # own.
     access.set_fileobj_driver(h5fd.fileobj_driver, image)
     # A fixed pair of bounds fixes the bytes; v110 checksums its metadata and every HDF5 since 2016 reads it.
     access.set_libver_bounds(h5f.LIBVER_V110, h5f.LIBVER_V110)
@@ -121,7 +123,9 @@ def _write_groups(file: h5py.File, fields: list[Field]) -> None:
 
 
 def write_text_attribute(owner: Any, name: str, *texts: str) -> None:
-    """Write a fixed-length UTF-8 attribute, of several texts an array; faster than h5py's own by several times."""
+    """Write a fixed-length UTF-8 attribute, of several texts an array; faster than h5py's own by several
+    times.
+    """
     import numpy as np
     from h5py import h5a, h5s
 
@@ -144,7 +148,9 @@ def _text_type(width: int) -> Any:
 
 
 def _write_dataset(file: h5py.File, field: Field) -> Any:
-    """Write one dataset with its three attributes and return its id; arrays are checksummed, longer ones compressed."""
+    """Write one dataset with its three attributes and return its id; arrays are checksummed, longer ones
+    compressed.
+    """
     import numpy as np
     from h5py import h5d, h5p, h5s, h5t
 
@@ -227,7 +233,10 @@ def decode_bytes(data: bytes, source: str) -> StateRecord:
 
 
 def _check_root(file: h5py.File, source: str, head: str | None) -> str:
-    """Check format and version, and that only files of 1.0 lack a head; return the stored content hash. Raises StoreError or ValueError."""
+    """Check format and version, and that only files of 1.0 lack a head; return the stored content hash.
+
+    Raises StoreError or ValueError.
+    """
     name = text_attribute(file, "format")
     version = text_attribute(file, "format_version")
     if name != FORMAT:
@@ -293,7 +302,10 @@ def _find_datasets(file: h5py.File) -> dict[str, h5py.Dataset]:
 def check_dataset(
     path: str, dataset: h5py.Dataset, dtypes: tuple[str, ...] = ("<f8", "<i8", "?", "S")
 ) -> None:
-    """Refuse data outside of the file, other filters and other types, before any is read. Raises ValueError."""
+    """Refuse data outside of the file, other filters and other types, before any is read.
+
+    Raises ValueError.
+    """
     creation = dataset.id.get_create_plist()
     if creation.get_external_count() or dataset.is_virtual:
         raise ValueError(f"{path} keeps its data outside the file")

@@ -19,8 +19,8 @@ Dtype = Literal["float64", "int64", "bool", "utf-8"]
 class Dimension:
     """An axis that arrays share, with the dataset that is its scale in every group of such arrays.
 
-    `size` is a number or a symbol: N facets, N+1 nodes with both ends of the seam, k eigenvalues, m stored modes,
-    e events.
+    `size` is a number or a symbol: N facets, N+1 nodes with both ends of the seam, k eigenvalues, m stored
+    modes, e events.
     """
 
     size: str | int
@@ -41,7 +41,10 @@ DIMENSIONS = {
     "eigenvalue": Dimension("k", "int64", "none", "number of the eigenvalue, ascending"),
     "mode": Dimension("m", "int64", "none", "number of the eigenvalue that the mode belongs to"),
 }
-"""Dimensions by name; a scale's dataset bears the name of its dimension. Names are never used for anything else."""
+"""Dimensions by name; a scale's dataset bears the name of its dimension.
+
+Names are never used for anything else.
+"""
 
 SIGNALS = {
     "/state": "u",
@@ -50,15 +53,15 @@ SIGNALS = {
     "/spectra/euclidean": "values",
     "/spectra/physical": "values",
 }
-"""The array that a viewer shows of a group, as NeXus has it; the group's `axes` are that array's dimensions."""
+"""The array that a viewer shows of a group, as in NeXus; the group's `axes` are that array's dimensions."""
 
 
 @dataclass(frozen=True)
 class Item:
     """One dataset of a state file; `dims` names its axes, none for a scalar.
 
-    An `optional` item whose value is None is absent from the file. Those in `summary` appear in the log and in
-    `ribbon ls` and `ribbon show`.
+    An `optional` item whose value is None is absent from the file. Those in `summary` appear in the log and
+    in `ribbon ls` and `ribbon show`.
     """
 
     path: str

@@ -1,7 +1,7 @@
 """One writer a run: an operating-system lock that ends with its process, and a note of who holds it.
 
-Where the file system has no such locks, a file that only one process can create stands in for it. That one outlives
-a killed process, so that a later writer must find out whether its holder is alive.
+Where the file system has no such locks, a file that only one process can create stands in for it. That one
+outlives a killed process, so that a later writer must find out whether its holder is alive.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ Note = dict[str, Any]
 class RunLock:
     """The lock of a run's folder; `folder` follows the run when it is renamed under the lock.
 
-    `lock` is locked by flock, and `lock.holder` is a note for people: left by a killed process it means nothing,
-    since the lock ended with it. Without flock, `lock.claim` is lock and note in one. Whoever locks by flock
-    respects a claim too, since another machine may see the same folder without flock.
+    `lock` is locked by flock, and `lock.holder` is a note for people: left by a killed process it means
+    nothing, since the lock ended with it. Without flock, `lock.claim` is lock and note in one. Whoever locks
+    by flock respects a claim too, since another machine may see the same folder without flock.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -51,7 +51,8 @@ class RunLock:
         return self._lock is not None or self._claimed
 
     def acquire(self) -> list[str]:
-        """Take the lock without waiting; return remarks on locks that were left behind, or are of the weaker kind.
+        """Take the lock without waiting; return remarks on locks that were left behind, or are of the weaker
+        kind.
 
         Raises LockedError naming the holder; StoreError when the folder cannot be written.
         """
@@ -104,7 +105,10 @@ class RunLock:
         return remarks
 
     def _left_behind(self, remarks: list[str]) -> list[str]:
-        """Remarks on what the last holder left. Raises LockedError where a claim may be of a living process."""
+        """Remarks on what the last holder left.
+
+        Raises LockedError where a claim may be of a living process.
+        """
         claim = self._drop_stale_claim()
         if os.path.lexists(self.folder / CLAIM):
             raise LockedError(self._describe_holder())
@@ -206,7 +210,9 @@ def _person(note: Note) -> str:
 
 
 def _start(pid: int) -> str | None:
-    """What tells a process from a later one with the same pid: the boot, and the moment of its start after it."""
+    """What tells a process from a later one with the same pid: the boot, and the moment of its start after
+    it.
+    """
     try:
         fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
         boot = Path("/proc/sys/kernel/random/boot_id").read_text().strip()
@@ -216,7 +222,9 @@ def _start(pid: int) -> str | None:
 
 
 def _living(note: Note) -> bool:
-    """Whether a note can be of a living process; of another machine's nothing is known, which counts as living."""
+    """Whether a note can be of a living process; of another machine's nothing is known, which counts as
+    living.
+    """
     if note["host"] != socket.gethostname():
         return True
     try:

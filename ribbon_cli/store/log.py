@@ -1,9 +1,9 @@
 """A run's append-only log: one JSON object a line, each with its own checksum.
 
 A line counts once its line feed is there: what a kill or a full disk leaves after the last one is
-ignored by readers and cut off by the next writer. So is a last line with zero bytes in it, which JSON never has: a
-power cut leaves those where a file has grown and not all of its new blocks were written. Damage anywhere else is an
-error.
+ignored by readers and cut off by the next writer. So is a last line with zero bytes in it, which JSON never
+has: a power cut leaves those where a file has grown and not all of its new blocks were written. Damage
+anywhere else is an error.
 """
 
 from __future__ import annotations

@@ -1,4 +1,6 @@
-"""A run in one HDF5 file, to share: every file byte for byte, and beside them the states' datasets to look at."""
+"""A run in one HDF5 file, to share: every file byte for byte, and beside them the states' datasets to look
+at.
+"""
 
 from __future__ import annotations
 
@@ -33,8 +35,8 @@ _FILES = "files"
 def pack(run: Run, path: Path, overwrite: bool = False) -> int:
     """Write a run to one file and return the number of its states; the same run gives the same bytes.
 
-    Every state is compared with the log first. Raises StoreError for a damaged run, or when the file exists and is
-    not to be overwritten, or cannot be written.
+    Every state is compared with the log first. Raises StoreError for a damaged run, or when the file exists
+    and is not to be overwritten, or cannot be written.
     """
     temporary = temporary_name(path)
     try:
@@ -89,10 +91,11 @@ def _write_file(file: h5py.File, name: str, data: bytes) -> None:
 
 
 def unpack(path: Path, root: Path) -> Run:
-    """Make the run of a packed file in `root` again, byte for byte, and return it; nothing, or a complete run.
+    """Make the run of a packed file in `root` again, byte for byte, and return it; nothing, or a complete
+    run.
 
-    Raises UsageError where the run is there already, StoreError for a file that is damaged or holds no run, or when
-    the run cannot be written.
+    Raises UsageError where the run is there already, StoreError for a file that is damaged or holds no run,
+    or when the run cannot be written.
     """
     name, files = read_pack(path)
     target = root / name
@@ -128,8 +131,8 @@ def is_pack(path: Path) -> bool:
 def read_pack(path: Path) -> tuple[str, Iterator[tuple[str, bytes]]]:
     """Return the name of a packed run, and its files one after the other, each compared with the run's log.
 
-    Raises StoreError, at once or while files are read, for whatever is not as `pack` writes it. Names of files are
-    those that a run has, so that none can leave its folder.
+    Raises StoreError, at once or while files are read, for whatever is not as `pack` writes it. Names of
+    files are those that a run has, so that none can leave its folder.
     """
     try:
         return _run_name(path), _files(path)

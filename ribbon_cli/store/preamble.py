@@ -1,8 +1,9 @@
-"""The head of a state file: a hash of every byte behind it, and the state's summary, both readable without HDF5.
+"""The head of a state file: a hash of every byte behind it, and the state's summary, both readable without
+HDF5.
 
-HDF5 leaves the first bytes of a file, its user block, to whoever wrote it. Here they are a line of text with the
-hash, and a line of JSON, padded with zero bytes. So damage anywhere in a file is seen before HDF5 reads it, and a lost
-log is rebuilt without opening each state.
+HDF5 leaves the first bytes of a file, its user block, to whoever wrote it. Here they are a line of text with
+the hash, and a line of JSON, padded with zero bytes. So damage anywhere in a file is seen before HDF5 reads
+it, and a lost log is rebuilt without opening each state.
 """
 
 from __future__ import annotations

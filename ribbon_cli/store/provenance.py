@@ -55,7 +55,9 @@ def _process_facts() -> Facts:
 
 
 def config_facts(run: Path) -> Facts:
-    """The config of a run's folder as written and as resolved, and the hash of the former; what cannot be read is left out."""
+    """The config of a run's folder as written and as resolved, and the hash of the former; what cannot be
+    read is left out.
+    """
     facts: Facts = {}
     for name, key in ((CONFIG, "config_text"), (RESOLVED, "config_resolved")):
         with suppress(OSError, ValueError):

@@ -117,11 +117,11 @@ def _unused(path: Path, word: str) -> Path:
 def repair(folder: Path) -> list[str]:
     """Bring a run's folder to order after damage, and return a line for each thing done; nothing is deleted.
 
-    Config files that are missing or changed are restored from what the states keep of them. State files that are not
-    the committed ones are renamed to *.damaged-K, and marked as lost in the log, as are missing ones; whole
-    ones that the log does not name are adopted as in `sweep`. Lines of the log that can be read are kept, but for
-    those that do not agree with their state's file. The old log is kept as log.jsonl.old-K; what is in order is left
-    alone. Raises StoreError.
+    Config files that are missing or changed are restored from what the states keep of them. State files that
+    are not the committed ones are renamed to *.damaged-K, and marked as lost in the log, as are missing ones;
+    whole ones that the log does not name are adopted as in `sweep`. Lines of the log that can be read are
+    kept, but for those that do not agree with their state's file. The old log is kept as log.jsonl.old-K;
+    what is in order is left alone. Raises StoreError.
     """
     path = folder / LOG
     entries, unreadable = log.salvage_log(path)
@@ -179,7 +179,9 @@ def _put_aside(path: Path) -> Path:
 
 
 def _restore_config(folder: Path, committed: Mapping[str, str]) -> list[str]:
-    """Write config files anew that are missing or not those `committed`, from what a state's provenance keeps."""
+    """Write config files anew that are missing or not those `committed`, from what a state's provenance
+    keeps.
+    """
     notes = []
     for name, key in ((CONFIG, "config_text"), (RESOLVED, "config_resolved")):
         path, wanted = folder / name, committed.get(name)
@@ -199,7 +201,9 @@ def _restore_config(folder: Path, committed: Mapping[str, str]) -> list[str]:
 
 
 def _kept_text(folder: Path, key: str, wanted: str | None) -> bytes | None:
-    """A config file's text from the provenance of the first state that keeps the right one, None if none does."""
+    """A config file's text from the provenance of the first state that keeps the right one, None if none
+    does.
+    """
     for path in _files(folder).values():
         try:
             text = decode_bytes(read_bytes(path), str(path)).provenance.get(key)

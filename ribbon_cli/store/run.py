@@ -192,7 +192,10 @@ class Run:
         return StoredRecord.of(entry["state"], lambda: self.load_entry(label, entry))
 
     def _entry(self, label: int) -> dict[str, Any]:
-        """The log's entry of a state. Raises UsageError for a label that the run does not have, StoreError."""
+        """The log's entry of a state.
+
+        Raises UsageError for a label that the run does not have, StoreError.
+        """
         entries = self.entries()
         if label not in entries:
             has = f"labels {min(entries)} to {max(entries)}" if entries else "no states yet"
@@ -335,8 +338,8 @@ class Run:
     def repair(self) -> list[str]:
         """Bring the run back to order after damage, and say what was done, a line each; nothing is deleted.
 
-        Damaged files are renamed, config files restored from the states, the log rebuilt from states and what can be
-        read of it; see `recovery.repair`. Raises LockedError, StoreError.
+        Damaged files are renamed, config files restored from the states, the log rebuilt from states and what
+        can be read of it; see `recovery.repair`. Raises LockedError, StoreError.
         """
         with self._locked():
             notes = repair(self.path)

@@ -37,7 +37,7 @@ def describe(record: StateRecord, content: str | None = None) -> dict[str, Any]:
 
 
 def agrees(state: Mapping[str, Any], record: StateRecord, content: str | None = None) -> bool:
-    """Whether a stored summary is the record's; what a newer version has put into it besides is passed over."""
+    """Whether a stored summary is the record's; what a newer version has put into it is passed over."""
     return all(key in state and state[key] == value for key, value in describe(record, content).items())
 
 

@@ -1,4 +1,7 @@
-"""Whether a run's files are what was committed: log, config, hashes, schema. Reading only, without the lock."""
+"""Whether a run's files are what was committed: log, config, hashes, schema.
+
+Reading only, without the lock.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +41,8 @@ class Checked:
 
 
 def check_folder(run: Run) -> list[Finding]:
-    """Check a run's log, config files and whatever else lies in its folder; states are left to `check_states`.
+    """Check a run's log, config files and whatever else lies in its folder; states are left to
+    `check_states`.
 
     A damaged log is a finding, not an error.
     """
@@ -92,7 +96,7 @@ def _leftovers(run: Run, events: list[dict[str, Any]]) -> Iterator[Finding]:
 
 
 def check_states(run: Run, labels: list[int] | None = None) -> Iterator[Checked]:
-    """Check the files of a run's states, or of some, one after the other; nothing where the log is damaged."""
+    """Check the files of a run's states, or of some, one by one; none where the log is damaged."""
     try:
         entries = run.entries()
     except StoreError:

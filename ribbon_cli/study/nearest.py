@@ -15,7 +15,9 @@ _LONGEST = 60
 
 
 def what_changed(config: Config, root: Path) -> str | None:
-    """A line on how a config without a run differs from the nearest run of its name; None if there is no such run."""
+    """A line on how a config without a run differs from the nearest run of its name; None if there is no
+    such run.
+    """
     name = f"{config.name}-{config.hash8()}"
     if (root / name).exists():
         return None

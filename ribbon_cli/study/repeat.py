@@ -32,7 +32,9 @@ class Rerun:
 
     @property
     def equal(self) -> bool:
-        """Whether every state that the config leads to is the stored one, byte for byte of its scientific part."""
+        """Whether every state that the config leads to is the stored one, byte for byte of its scientific
+        part.
+        """
         return all(pair.equal for pair in self.pairs)
 
 
@@ -62,7 +64,10 @@ def rerun(
 
 
 def stored_config(run: Run) -> Config:
-    """The config of a run as written, with paths as they were resolved. Raises StoreError if it is damaged."""
+    """The config of a run as written, with paths as they were resolved.
+
+    Raises StoreError if it is damaged.
+    """
     try:
         resolved = load_config(run.path / RESOLVED)
         written = load_config(run.path / CONFIG)

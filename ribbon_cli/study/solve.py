@@ -45,10 +45,10 @@ def solve_config(
 ) -> Outcome:
     """Run all stages of a config that its run does not hold yet.
 
-    `root` is the folder of the runs; `references` is that of the runs that the config's guess may refer to, by
-    default the same. `fresh` puts an existing run aside first, keeping it. Targets that are not reached are in the
-    outcome, and the run's log keeps which. Raises UsageError for a given state that does not fit (before any run
-    folder is made), StoreError, LockedError.
+    `root` is the folder of the runs; `references` is that of the runs that the config's guess may refer to,
+    by default the same. `fresh` puts an existing run aside first, keeping it. Targets that are not reached
+    are in the outcome, and the run's log keeps which. Raises UsageError for a given state that does not fit
+    (before any run folder is made), StoreError, LockedError.
     """
     given = given_state(config, references or root) if config.guess.recipe == "state" else None
     changed = what_changed(config, root)

@@ -18,8 +18,8 @@ Place = tuple[float, int]
 def standing(run: Run) -> dict[str, Any]:
     """A run in a few words, JSON-able; `damage` is empty or says why the rest is unknown.
 
-    Of the equilibria that the config names, `done` have a certificate, `failed` were not reached or have none,
-    `running` is in hand and `waiting` is left; None where the config does not tell.
+    Of the equilibria that the config names, `done` have a certificate, `failed` were not reached or have
+    none, `running` is in hand and `waiting` is left; None where the config does not tell.
     """
     facts: dict[str, Any] = {
         "name": run.name,

@@ -1,7 +1,8 @@
 """Whether stored numbers follow from the stored shape: everything derived is computed again and compared.
 
-A file can be whole, and hashed, and still say something wrong. What a record claims is recomputed from u, g, xi and
-the multipliers: energy, residuals, linking number, contact, geometry, and the inertia that a certificate rests on.
+A file can be whole, and hashed, and still say something wrong. What a record claims is recomputed from u, g,
+xi and the multipliers: energy, residuals, linking number, contact, geometry, modes, and the inertia that a
+certificate rests on.
 """
 
 from __future__ import annotations
@@ -34,8 +35,10 @@ ROUNDING = 256.0 * EPS
 """Roundings that may differ between machines, relative to the largest term of a sum."""
 DERIVED = 1e-9
 """Relative difference up to which recomputed quantities agree; the stored ones have rounding errors alone."""
+ENERGY = 1e-12
+"""The same of energies, which are sums of positive terms."""
 NOISE = 1e-10
-"""Rounding of eigenvalues and residuals, relative to the largest entry of the Hessian: modes are solved for."""
+"""Rounding of eigenvalues and residuals of modes, relative to the largest entry of the Hessian."""
 _STATIONARY = (Status.MINIMUM, Status.SADDLE, Status.UNDECIDED)
 _ARITHMETIC = (ValueError, ArithmeticError, np.linalg.LinAlgError, FactorisationError)
 
@@ -55,7 +58,8 @@ class Verification:
 
 
 def verify(root: Path, ref: str = "all") -> Verification:
-    """Verify a state, a run, or `all` runs, those set aside too: files against hashes, numbers against shapes.
+    """Verify a state, a run, or `all` runs, those set aside too: files against hashes, numbers against
+    shapes.
 
     Damage is in the findings. Raises UsageError for a reference to nothing.
     """
@@ -91,7 +95,9 @@ def _joined(groups: list[list[Checked]], runs: int) -> Verification:
 
 
 def verify_record(record: StateRecord) -> list[str]:
-    """Say, in a line each, what in a record does not follow from its u, g, xi and multipliers; nothing if all does."""
+    """Say, in a line each, what in a record does not follow from its u, g, xi and multipliers; nothing if
+    all does.
+    """
     try:
         with np.errstate(all="ignore"):
             return list(_findings(record))
@@ -129,7 +135,10 @@ def _findings(record: StateRecord) -> Iterator[str]:
 
 
 def problem_of(record: StateRecord) -> Problem:
-    """The problem that a record solves, with its prescribed rulings. Raises ValueError for values outside the model."""
+    """The problem that a record solves, with its prescribed rulings.
+
+    Raises ValueError for values outside the model.
+    """
     band = state_of(record).band
     held, seam = record.prescribed, record.seam_open
     if record.kind == "auxiliary" and held is None and seam is None:
@@ -164,6 +173,8 @@ def _compare(record: StateRecord, name: str, value: object, slack: dict[str, flo
     allowed = slack.get(name, 0.0) + (1e-3 if name in slack else DERIVED) * scale
     if name in ("twist", "writhe", "linking_number"):
         allowed = DERIVED  # whole turns are the unit
+    elif name == "energy":
+        allowed = ENERGY * scale
     elif name == "clearance":
         allowed += 4.0 * GRAZING_TOLERANCE * record.length
     elif name == "g_end":
@@ -202,7 +213,8 @@ def _certificate(record: StateRecord, result: Result) -> Iterator[str]:
         yield f"certified with {record.inverted_facets} inverted facets"
     closed = record.kind != "auxiliary"
     if closed and not abs(record.linking_number - 0.5 * record.half_twists) <= EXACT_TOLERANCE:
-        yield f"certified, but Lk is {record.linking_number:.6g} where {record.half_twists / 2:g} is asked for"
+        wanted = record.half_twists / 2
+        yield f"certified, but Lk is {record.linking_number:.6g} where {wanted:g} is asked for"
 
 
 def _inertia(record: StateRecord, problem: Problem, local: LocalDerivatives, x: Array) -> Iterator[str]:
@@ -248,7 +260,8 @@ def _spectra(record: StateRecord, problem: Problem, local: LocalDerivatives, x: 
 def _modes(
     name: str, spectrum: SpectrumRecord, problem: Problem, local: LocalDerivatives, x: Array
 ) -> Iterator[str]:
-    """Modes must be tangent to the constraints, with their eigenvalues as Rayleigh quotients and their residuals."""
+    """Modes must be tangent to the constraints, with their eigenvalues as Rayleigh quotients and their
+    residuals."""
     assert spectrum.vectors is not None
     hessian, jacobian = problem.hessian_matrix(local), problem.jacobian_matrix(local)
     size, steepest = float(abs(hessian).max()), max(1.0, float(abs(jacobian).max()))
@@ -271,8 +284,9 @@ def _modes(
         stored = spectrum.residuals[k]
         if not abs(stored - residual) <= 0.5 * max(stored, residual) + NOISE * size * np.sqrt(square):
             yield f"{name}/residuals[{k}] is {stored:.3g}, recomputed {residual:.3g}"
-        if not abs(min(overlap, 1.0) - spectrum.sliding_overlap[k]) <= 1e-6:
-            yield f"{name}/sliding_overlap[{k}] is {spectrum.sliding_overlap[k]:.6g}, recomputed {overlap:.6g}"
+        kept_overlap = spectrum.sliding_overlap[k]
+        if not abs(min(overlap, 1.0) - kept_overlap) <= 1e-6:
+            yield f"{name}/sliding_overlap[{k}] is {kept_overlap:.6g}, recomputed {overlap:.6g}"
     lengths = np.linalg.norm(vectors, axis=0)
     leaving = np.abs(jacobian @ vectors).max(axis=0, initial=0.0) > 1e-6 * lengths * steepest
     for k in np.flatnonzero(leaving):
