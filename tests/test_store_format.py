@@ -170,7 +170,9 @@ def test_documented_dimensions_are_the_code_s():
 
 def test_documented_hash_is_the_code_s(stored):
     page = FORMAT_PAGE.read_text(encoding="utf-8")
-    code = re.search(r"```python\n(.*?)```", page, re.DOTALL)[1]
+    (code,) = [
+        block for block in re.findall(r"```python\n(.*?)```", page, re.DOTALL) if "def content" in block
+    ]
     space: dict = {}
     exec(code, space)
     record = make_record(n=30, parent=3)

@@ -27,6 +27,7 @@ from ribbon_cli.store.folder import (
 )
 from ribbon_cli.store.hdf5 import decode_bytes, read_bytes
 from ribbon_cli.store.preamble import check_seal
+from ribbon_cli.store.record import StateRecord
 from ribbon_cli.store.summaries import describe
 
 
@@ -77,7 +78,7 @@ def _adopt(folder: Path, known: set[int]) -> tuple[list[dict[str, Any]], list[st
         try:
             entries.append(_entry_from_file(label, path))
             notes.append(f"adopted state {label}")
-        except StoreError as error:
+        except ValueError as error:
             target = _put_aside(path)
             notes.append(f"renamed {path.name} to {target.name}: {error}")
     return entries, notes
@@ -92,19 +93,17 @@ def _files(folder: Path) -> dict[int, Path]:
 
 
 def _entry_from_file(label: int, path: Path) -> dict[str, Any]:
-    """Entry, marked as adopted, for a state that has none. Raises StoreError unless its file is whole.
+    """Entry, marked as adopted, for a state that has none.
 
-    The seal in its head vouches for the file; one of format 1.0, without, is read.
+    The seal in its head vouches for the file; one of format 1.0, without, is read. Raises ValueError unless it is
+    whole, StoreError where it cannot be read now.
     """
-    data = read_bytes(path)
-    try:
-        state = check_seal(data)
-    except ValueError as error:
-        raise StoreError(f"{path}: damaged, or not a state file: {error}") from error
+    data = _read(path)
+    state = check_seal(data)
     if state is None:
-        state = describe(decode_bytes(data, str(path)))
+        state = describe(_decoded(data, path))
     if state.get("label") != label or not isinstance(state.get("content_sha256"), str):
-        raise StoreError(f"{path}: holds state {state.get('label')}")
+        raise ValueError(f"it holds state {state.get('label')}")
     return state_entry(state, data) | {"adopted": True}
 
 
@@ -155,17 +154,38 @@ def _checked_entry(folder: Path, entry: dict[str, Any]) -> tuple[dict[str, Any],
         lost = {**entry, "event": "state-lost", "label": label, "reason": "its file is missing"}
         return lost, f"{state_name(label)} is missing: marked as lost"
     try:
-        data = read_bytes(path)
+        data = _read(path)
         if hashlib.sha256(data).hexdigest() != entry["sha256"]:
-            raise StoreError(f"{path}: not the bytes that were committed")
-        state = check_seal(data) or describe(decode_bytes(data, str(path)))
+            raise ValueError("not the bytes that were committed")
+        state = check_seal(data) or describe(_decoded(data, path))
         if state == entry["state"]:
             return entry, ""
         return state_entry(state, data) | {"time": entry["time"]}, f"wrote the line on state {label} anew"
-    except (StoreError, ValueError) as error:
+    except ValueError as error:
         target = _put_aside(path)
         lost = {**entry, "event": "state-lost", "label": label, "reason": f"damaged, now {target.name}"}
         return lost, f"renamed {path.name} to {target.name}: {error}"
+
+
+def _read(path: Path) -> bytes:
+    """Bytes of a state's file. Raises ValueError for what is no file of that size, StoreError where reading fails.
+
+    A file must never be taken for damaged because of a passing failure: too many open files, a disk that is away.
+    """
+    try:
+        return read_bytes(path)
+    except StoreError as error:
+        if isinstance(error.__cause__, OSError):
+            raise
+        raise ValueError(str(error)) from error
+
+
+def _decoded(data: bytes, path: Path) -> StateRecord:
+    """The record of a file of format 1.0. Raises ValueError."""
+    try:
+        return decode_bytes(data, str(path))
+    except StoreError as error:
+        raise ValueError(str(error)) from error
 
 
 def _put_aside(path: Path) -> Path:
