@@ -27,6 +27,7 @@ from ribbon_cli.store.hdf5 import _read_values, decode_bytes
 FREE = {f"/origin/{name}" for name in ("label", "stage", "method", "newton_steps", "events")}
 FREE |= {"/origin/parent", "/origin/parent_ref", "/certificate/message"}
 """What no shape determines, so that only a hash that was not forged protects it."""
+ROUNDING = 1e-11
 FROZEN = Path(__file__).parent / "data" / "format-1.0"
 
 
@@ -239,9 +240,15 @@ def read_it(path: Path, state: bytes) -> Callable[[], int]:
 
 
 def changed(path: Path, state: bytes) -> set[str]:
-    """What a file says differently, provenance left out."""
+    """What a file says differently, provenance left out, and residuals that differ by rounding alone."""
     pairs = compare_states(decode_bytes(state, "as it was"), decode(path))
-    return {pair.path for pair in pairs if not pair.equal and not pair.path.startswith("/provenance/")}
+    return {
+        pair.path
+        for pair in pairs
+        if not pair.equal
+        and not pair.path.startswith("/provenance/")
+        and not ("residual" in pair.path and pair.difference is not None and pair.difference < ROUNDING)
+    }
 
 
 def mutated(folder: Path, state: bytes, count: int, seed: int) -> dict[int, int]:

@@ -95,7 +95,7 @@ def _files(folder: Path) -> dict[int, Path]:
 def _entry_from_file(label: int, path: Path) -> dict[str, Any]:
     """Entry, marked as adopted, for a state that has none.
 
-    The seal in its head vouches for the file; one of format 1.0, without, is read. Raises ValueError unless it is
+    The seal in its head vouches for the file; one of 1.0, without, is read. Raises ValueError unless it is
     whole, StoreError where it cannot be read now.
     """
     data = _read(path)
@@ -168,9 +168,10 @@ def _checked_entry(folder: Path, entry: dict[str, Any]) -> tuple[dict[str, Any],
 
 
 def _read(path: Path) -> bytes:
-    """Bytes of a state's file. Raises ValueError for what is no file of that size, StoreError where reading fails.
+    """Bytes of a state's file.
 
-    A file must never be taken for damaged because of a passing failure: too many open files, a disk that is away.
+    A file must never be taken for damaged because of a passing failure: too many open files, a disk that is
+    away. Raises ValueError for what is no file of that size, StoreError where reading fails.
     """
     try:
         return read_bytes(path)
