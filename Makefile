@@ -42,8 +42,9 @@ lint: $(READY_DEV) ## check style, format and types
 	@$(BIN)/ruff format --check .
 	@$(BIN)/mypy
 
-bench: $(READY_BENCH) ## measure the solver against CasADi with IPOPT
+bench: $(READY_BENCH) ## measure the solver against CasADi with IPOPT, and the store
 	@$(BIN)/python -m bench.run
+	@$(BIN)/python -m bench.store
 
 clean: ## remove .venv, .venv-minimum and caches; runs stay
 	rm -rf $(VENV) $(MINIMUM) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .coverage

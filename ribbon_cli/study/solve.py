@@ -19,6 +19,7 @@ from ..solver.newton import Options, solve
 from ..solver.status import Result, Status
 from ..solver.tracking import PARTS
 from ..store import Run, StateRecord
+from ..store.folder import is_run
 from .constructions import construct, evert
 from .contact import locate_contact
 from .given import given_state
@@ -72,6 +73,9 @@ def solve_config(
 
 
 def _open(config: Config, root: Path) -> Run:
+    known = root / f"{config.name}-{config.hash8()}"
+    if is_run(known):
+        return Run.open(known)
     return Run.create_or_open(root, config.name, config.hash8(), config.text, dump_resolved(config))
 
 
