@@ -67,9 +67,9 @@ class StateRecord:
     """One stored state with everything that is known of it; see docs/format.md for every field.
 
     `label` counts 1, 2, 3, ... in the order stored. `g_end` (3,) is the ruling g_{N+1}: sigma g_1 when the
-    seam is closed, prescribed while it is open (`seam_open`; None means closed). `prescribed` (N,) marks rulings
-    that an auxiliary problem holds; None means none. `cut_node` and `g_cut` (3,) belong to bands in two pieces
-    alone. `spectra` are kept in the order of their metrics' names.
+    seam is closed, prescribed while it is open (`seam_open`; None means closed). `prescribed` (N,) marks
+    rulings that an auxiliary problem holds; None means none. `cut_node` and `g_cut` (3,) belong to bands in
+    two pieces alone. `spectra` are kept in the order of their metrics' names.
     `provenance` says which program made the state, where and when; it is no part of the scientific content.
     Raises ValueError for an unknown kind, a label below 1 or two spectra in one metric.
     """

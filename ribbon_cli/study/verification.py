@@ -108,6 +108,8 @@ def verify_record(record: StateRecord) -> list[str]:
 def _findings(record: StateRecord) -> Iterator[str]:
     if record.sigma != (-1 if record.half_twists % 2 else 1):
         yield f"sigma is {record.sigma}, but {record.half_twists} half-twists make it {-record.sigma}"
+    if record.cut_node is not None:
+        return  # two pieces are no state of the model: there is nothing to derive from
     status = Status(record.status)
     problem = problem_of(record)
     x, multipliers = state_of(record).vector(), multipliers_of(record)
@@ -141,7 +143,7 @@ def problem_of(record: StateRecord) -> Problem:
     """
     band = state_of(record).band
     held, seam = record.prescribed, record.seam_open
-    if record.kind == "auxiliary" and held is None and seam is None:
+    if record.method.startswith("twist") and held is None and seam is None:
         # Format 1.0 does not say; all its auxiliary states are the twist's.
         held, seam = np.arange(record.segments) == 0, True
     rulings = {} if held is None else {int(node): record.g[node] for node in np.flatnonzero(held)}
