@@ -29,9 +29,8 @@ def contend(path: Path, barriers: list, writer) -> int:
             return 0
     except LockedError as error:
         message = str(error)
-    named = f"locked by process {writer.value} on {socket.gethostname()} since "
-    barriers[1].wait(30)
-    return 1 if named in message or f"process {writer.value} on" in message else 2
+    barriers[1].wait(30)  # only then is it sure that the writer has said who it is
+    return 1 if f"locked by process {writer.value} on {socket.gethostname()} since " in message else 2
 
 
 def read_on(path: Path, stop) -> int:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 LOCK = "lock"
 HOLDER = "lock.holder"
 CLAIM = "lock.claim"
-_PATIENCE = 0.5
+_PATIENCE = 2.0
 """Seconds for which a new holder may still be about to write its note."""
 _NO_LOCKS = {errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOLCK, errno.EINVAL}
 
