@@ -15,7 +15,7 @@ PIP := $(BIN)/python -m pip -qq --disable-pip-version-check
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup table-3.1 checkerboard everted-cylinder test test-minimum test-large lint bench clean
+.PHONY: help setup table-3.1 checkerboard everted-cylinder test test-minimum test-large test-faults lint bench clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z][a-z0-9.-]*\):.*## \(.*\)/make \1|\2/p' Makefile | awk -F'|' '{printf "%-16s %s\n", $$1, $$2}'
@@ -54,13 +54,17 @@ test-minimum: $(MINIMUM)/ready ## run the quick tests on the lowest supported ve
 test-large: $(READY_DEV) ## inertia, dense algebra and Lanczos at N = 400 and 800, a few minutes
 	@$(BIN)/python -m pytest -m large
 
+test-faults: $(READY_DEV) ## run the long fault tests of the store: kills, failing calls, crash images, damage
+	@$(BIN)/python -m pytest -m faults --durations=0
+
 lint: $(READY_DEV) ## check style, format and types
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
 	@$(BIN)/mypy
 
-bench: $(READY_BENCH) ## measure the solver against CasADi with IPOPT
+bench: $(READY_BENCH) ## measure the solver against CasADi with IPOPT, and the store
 	@$(BIN)/python -m bench.run
+	@$(BIN)/python -m bench.store
 
 clean: ## remove .venv, .venv-minimum and caches; runs stay
 	rm -rf $(VENV) $(MINIMUM) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .coverage

@@ -40,10 +40,11 @@ def folder(tmp_path, monkeypatch):
 
 def test_ls_lists_runs(folder):
     lines = ribbon("ls").stdout.splitlines()
-    assert lines[0].split() == ["run", "equilibria", "states", "complete", "last", "change"]
-    assert [line.split()[:3] for line in lines[1:]] == [
-        ["mobius-0123abcd", "2", "4"],
-        ["twin-0123abcd", "0", "0"],
+    heads = ["run", "status", "done", "running", "waiting", "failed", "states", "last", "change"]
+    assert lines[0].split() == heads
+    assert [line.split()[:7] for line in lines[1:]] == [
+        ["mobius-0123abcd", "unknown", "-", "-", "-", "-", "4"],
+        ["twin-0123abcd", "unknown", "-", "-", "-", "-", "0"],
     ]
     assert "twin-0123abcd.old-1" in ribbon("ls", "--all").stdout
     runs = ribbon_json("ls", "--all")

@@ -174,8 +174,8 @@ def test_a_rebuild_in_which_any_call_fails_can_be_repeated(copies, faults):
         data[-40] ^= 1
         run.log_path.write_bytes(data)
         with faults.at(n):
-            failure(run.rebuild_index)
-        run.rebuild_index()
+            failure(run.repair)
+        run.repair()
         assert_intact(run, 2)
         if faults.count < n:
             break

@@ -27,7 +27,7 @@ from ribbon_cli.store import (
     write_atomic,
 )
 from ribbon_cli.store.hdf5 import decode_bytes
-from ribbon_cli.store.layout import BRANCH, SPECTRUM, STATE
+from ribbon_cli.store.layout import BRANCH, DIMENSIONS, SPECTRUM, STATE, dimensions_markdown
 
 FORMAT_PAGE = Path(__file__).parent.parent / "docs" / "format.md"
 
@@ -143,8 +143,9 @@ def test_root_attributes_and_description_of_every_dataset(stored):
         file.visititems(check)
         np.testing.assert_array_equal(file["state/u"][()], record.u)
         assert file["certificate/certified"][()] is np.True_
-    absent = ("parent", "parent_ref", "cut_node", "g_cut")
-    expected = [item.path for item in STATE if item.field not in absent]
+    optional = ("parent", "parent_ref", "prescribed", "seam_open", "cut_node", "g_cut")
+    expected = [item.path for item in STATE if item.field not in optional]
+    paths = [path for path in paths if path.rpartition("/")[2] not in DIMENSIONS]
     assert {path for path in paths if not path.startswith(("/spectra", "/provenance"))} == set(expected)
 
 
@@ -164,9 +165,17 @@ def test_documented_table_is_the_code_s():
     assert table == layout_markdown()
 
 
+def test_documented_dimensions_are_the_code_s():
+    page = FORMAT_PAGE.read_text(encoding="utf-8")
+    table = page.split("<!-- dimensions:begin -->\n")[1].split("<!-- dimensions:end -->")[0]
+    assert table == dimensions_markdown()
+
+
 def test_documented_hash_is_the_code_s(stored):
     page = FORMAT_PAGE.read_text(encoding="utf-8")
-    code = re.search(r"```python\n(.*?)```", page, re.DOTALL)[1]
+    (code,) = [
+        block for block in re.findall(r"```python\n(.*?)```", page, re.DOTALL) if "def content" in block
+    ]
     space: dict = {}
     exec(code, space)
     record = make_record(n=30, parent=3)
@@ -249,7 +258,7 @@ def test_a_point_of_a_branch_survives_the_file():
         index_after=1,
         lowest_eigenvalue=1e-13,
         sliding_overlap=0.5,
-        mode=rng.normal(size=(n, 7)),
+        soft_mode=rng.normal(size=(n, 7)),
     )
     for branch in (step, fold):
         record = replace(plain, branch=branch)

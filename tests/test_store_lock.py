@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import random
@@ -47,7 +48,7 @@ def test_a_second_writer_is_told_who_writes_and_a_killed_one_leaves_no_lock(tmp_
         with pytest.raises(LockedError):
             run.set_aside()
         with pytest.raises(LockedError):
-            run.rebuild_index()
+            run.repair()
         assert len(run.states()) == 1  # readers do not wait
     finally:
         child.kill()
@@ -59,7 +60,8 @@ def test_a_second_writer_is_told_who_writes_and_a_killed_one_leaves_no_lock(tmp_
     assert not (run.path / "lock.holder").exists()
 
 
-def test_a_second_writer_in_the_same_process_is_refused_and_a_stale_note_not_believed(tmp_path):
+def test_a_second_writer_in_the_same_process_is_refused_and_a_stale_note_not_believed(tmp_path, monkeypatch):
+    monkeypatch.setattr("ribbon_cli.store.lock._PATIENCE", 0.1)
     run = make_run(tmp_path)
     other = Run.open(run.path)
     with run.writing():
@@ -130,7 +132,7 @@ def test_nothing_committed_is_lost_in_kills_at_random_moments(tmp_path):
     for _ in range(15):
         child = start(COMMIT, str(tmp_path))
         child.stdout.readline()
-        time.sleep(chance.uniform(0.0, 0.15))
+        time.sleep(chance.uniform(0.0, 0.3))
         child.send_signal(signal.SIGKILL)
         said = child.stdout.read().split()
         child.wait()
@@ -146,3 +148,60 @@ def test_nothing_committed_is_lost_in_kills_at_random_moments(tmp_path):
         run.check_file(label)
     assert run.load(acknowledged).label == acknowledged
     assert {Path(name).suffix for name in relative_files(run.path / "states")} == {".h5"}
+
+
+@pytest.fixture
+def no_flock(monkeypatch):
+    """A file system without flock."""
+
+    def refuse(*arguments):
+        raise OSError(errno.ENOTSUP, os.strerror(errno.ENOTSUP))
+
+    monkeypatch.setattr("fcntl.flock", refuse)
+    monkeypatch.setattr("ribbon_cli.store.lock._PATIENCE", 0.1)
+
+
+def test_without_flock_a_file_stands_in_and_it_is_said(tmp_path, no_flock):
+    run = make_run(tmp_path, states=1)
+    other = Run.open(run.path)
+    with run.writing():
+        assert run.remarks == [
+            "mobius-0123abcd: its file system has no flock: locked by the file lock.claim instead"
+        ]
+        assert other.holder()["pid"] == os.getpid()
+        with (
+            pytest.raises(LockedError, match=f"process {os.getpid()} .*remove .*lock.claim"),
+            other.writing(),
+        ):
+            pass
+    with other.writing():
+        other.commit(make_record(2))
+    assert not (run.path / "lock.claim").exists()
+
+
+def test_a_claim_of_a_dead_process_is_removed_and_one_of_another_machine_kept(tmp_path, no_flock):
+    run = make_run(tmp_path)
+    ended = subprocess.run([sys.executable, "-c", "import os; print(os.getpid())"], capture_output=True)
+    note = {"pid": int(ended.stdout), "host": socket.gethostname(), "since": "then"}
+    (run.path / "lock.claim").write_text(json.dumps(note))
+    with run.writing():
+        assert f"removed the lock of process {note['pid']} on" in run.remarks[1]
+    (run.path / "lock.claim").write_text(json.dumps(note | {"host": "elsewhere"}))
+    with pytest.raises(LockedError, match="on elsewhere since then"), run.writing():
+        pass
+
+
+def test_a_claim_is_respected_with_flock_as_well(tmp_path):
+    run = make_run(tmp_path)
+    (run.path / "lock.claim").write_text(json.dumps({"pid": 1, "host": "elsewhere", "since": "then"}))
+    with pytest.raises(LockedError, match="on elsewhere since then"), run.writing():
+        pass
+
+
+def test_a_pid_used_again_is_not_taken_for_the_holder(tmp_path):
+    run = make_run(tmp_path)
+    note = {"pid": os.getpid(), "host": socket.gethostname(), "since": "then", "start": "another boot 1"}
+    (run.path / "lock.holder").write_text(json.dumps(note))
+    assert run.holder() == {}
+    with run.writing():
+        assert "ended without letting go of the run" in run.remarks[0]

@@ -10,7 +10,8 @@ import pytest
 from store_support import CONFIG, RESOLVED, make_record, make_run, relative_files
 
 from ribbon_cli.errors import StoreError, UsageError
-from ribbon_cli.store import Run, content_sha256, encode, summary
+from ribbon_cli.store import Run, content_sha256, encode, log, summary
+from ribbon_cli.store.log import format_line
 
 
 def last_event(run: Run) -> dict:
@@ -139,7 +140,7 @@ def test_log_is_plain_json_and_every_line_is_checksummed(tmp_path):
     assert changed != lines[1]
     run.log_path.write_bytes(lines[0] + changed + lines[2])
     with pytest.raises(
-        StoreError, match=r"log\.jsonl:2: damaged line: its checksum does not match; `solve --fresh`"
+        StoreError, match=r"log\.jsonl:2: damaged line: its checksum does not match; `ribbon repair mobius"
     ):
         run.states()
     with pytest.raises(StoreError, match="damaged line"), run.writing():
@@ -149,7 +150,7 @@ def test_log_is_plain_json_and_every_line_is_checksummed(tmp_path):
 def test_newer_run_format_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr("ribbon_cli.store.folder.RUN_FORMAT_VERSION", "2.0")
     run = Run.create_or_open(tmp_path, "mobius", "0123abcd", CONFIG, RESOLVED)
-    with pytest.raises(StoreError, match=r"run of format 2\.0, this is 1\.0: update ribbon"):
+    with pytest.raises(StoreError, match=r"run of format 2\.0, this is 1\.1: update ribbon"):
         run.states()
 
 
@@ -222,12 +223,12 @@ def test_a_lost_log_is_rebuilt_from_the_states(tmp_path):
     before = run.states()
     run.log_path.unlink()
     for lacking in (run.states, run.sweep):
-        with pytest.raises(StoreError, match=r"log\.jsonl: cannot be read.*`solve --fresh`"):
+        with pytest.raises(StoreError, match=r"log\.jsonl: cannot be read.*`ribbon repair mobius"):
             lacking()
-    notes = run.rebuild_index()
+    notes = run.repair()
     assert notes == ["made a new first line of the log", *(f"adopted state {label}" for label in (1, 2, 3))]
     assert run.states() == before
-    assert run.rebuild_index() == []
+    assert run.repair() == []
     assert run.next_label == 4
 
 
@@ -240,7 +241,7 @@ def test_a_damaged_log_is_rebuilt_keeping_what_can_be_read(tmp_path):
     data = bytearray(run.log_path.read_bytes())
     data[data.find(b'"label":2')] ^= 1
     run.log_path.write_bytes(data)
-    assert run.rebuild_index() == ["dropped 1 damaged lines of the log", "adopted state 2"]
+    assert run.repair() == ["dropped 1 damaged lines of the log", "adopted state 2"]
     assert run.states() == before
     assert "kept" in [event.get("text") for event in run.events()]
     assert (run.path / "log.jsonl.old-1").read_bytes() == data
@@ -249,7 +250,7 @@ def test_a_damaged_log_is_rebuilt_keeping_what_can_be_read(tmp_path):
 def test_a_lost_state_is_marked_and_its_label_not_used_again(tmp_path):
     run = make_run(tmp_path, states=3)
     run.state_path(3).unlink()
-    assert run.rebuild_index() == ["states/0003.h5 is missing: marked as lost"]
+    assert run.repair() == ["states/0003.h5 is missing: marked as lost"]
     assert [state["label"] for state in run.states()] == [1, 2]
     lost = next(event for event in run.events() if event["event"] == "state-lost")
     assert lost["label"] == 3
@@ -257,12 +258,75 @@ def test_a_lost_state_is_marked_and_its_label_not_used_again(tmp_path):
     assert run.next_label == 4
 
 
-def test_a_rebuilt_log_still_reports_a_damaged_state(tmp_path):
+def test_repair_puts_damaged_states_aside_and_deletes_nothing(tmp_path):
+    run = make_run(tmp_path, states=3)
+    other = encode(make_record(1, energy=1.0))
+    run.state_path(1).write_bytes(other)
+    assert run.repair() == ["renamed 0001.h5 to 0001.h5.damaged-1: not the bytes that were committed"]
+    assert list(run.entries()) == [2, 3]
+    assert (run.path / "states/0001.h5.damaged-1").read_bytes() == other
+    assert run.repair() == []
+    with run.writing():
+        assert run.next_label == 4
+    (lost,) = [event for event in run.events() if event["event"] == "state-lost"]
+    assert (lost["label"], lost["reason"]) == (1, "damaged, now 0001.h5.damaged-1")
+
+
+def test_repair_corrects_a_line_that_is_not_what_its_state_holds(tmp_path):
     run = make_run(tmp_path, states=2)
-    run.state_path(1).write_bytes(encode(make_record(1, energy=1.0)))
-    run.rebuild_index()
-    with pytest.raises(StoreError, match="not the bytes that were committed"):
-        run.load(1)
+    entries = [dict(entry) for entry in run.events()]
+    entries[1]["state"] = entries[1]["state"] | {"energy": 1.0}
+    run.log_path.write_bytes(b"".join(map(format_line, entries)))
+    with pytest.raises(StoreError, match="its line on state 1 is not what"):
+        run.check_file(1)
+    assert run.repair() == ["wrote the line on state 1 anew"]
+    run.check_file(1)
+
+
+def test_repair_restores_config_files_from_the_states(tmp_path):
+    run = make_run(tmp_path)
+    provenance = {"config_text": CONFIG, "config_resolved": RESOLVED}
+    with run.writing():
+        run.commit(make_record(1))
+        run.commit(make_record(2, provenance=provenance))
+    (run.path / "resolved.yaml").unlink()
+    (run.path / "config.yaml").write_text("name: other\n")
+    assert Run.open(run.path).repair() == [
+        "restored config.yaml from a state's provenance",
+        "restored resolved.yaml from a state's provenance",
+    ]
+    assert (run.path / "config.yaml").read_text() == CONFIG
+    assert (run.path / "config.yaml.damaged-1").read_text() == "name: other\n"
+    assert (run.path / "resolved.yaml").read_text() == RESOLVED
+
+
+def test_a_writer_goes_not_on_where_a_state_is_missing(tmp_path):
+    run = make_run(tmp_path, states=3)
+    run.state_path(2).unlink()
+    with pytest.raises(StoreError, match=r"0002\.h5: missing, though it was committed"), run.writing():
+        pass
+    run.repair()
+    with run.writing():
+        pass
+
+
+def test_the_log_is_read_on_from_where_it_was_read_to(tmp_path, monkeypatch):
+    run = make_run(tmp_path, states=3)
+    reader = Run.open(run.path)
+    assert len(reader.entries()) == 3
+    parsed = []
+    monkeypatch.setattr(
+        log, "parse_line", lambda line, parse=log.parse_line: parsed.append(line) or parse(line)
+    )
+    assert len(reader.entries()) == 3
+    assert parsed == []
+    with run.writing():
+        run.commit(make_record(4))
+    parsed.clear()
+    assert len(reader.entries()) == 4
+    assert len(parsed) == 1
+    run.log_path.write_bytes(run.log_path.read_bytes())
+    assert len(Run.open(run.path).entries()) == 4
 
 
 def test_set_aside_keeps_the_old_run(tmp_path):

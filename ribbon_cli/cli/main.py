@@ -10,17 +10,20 @@ from typing import NoReturn
 
 import click
 
+from ribbon_cli.cli.compare_command import compare
 from ribbon_cli.cli.completion import SHELLS, register_bash, script
 from ribbon_cli.cli.config_commands import check, init
 from ribbon_cli.cli.continue_command import continue_
 from ribbon_cli.cli.export_command import export
 from ribbon_cli.cli.group import RibbonGroup, Stopped
 from ribbon_cli.cli.output import emit, emit_json
+from ribbon_cli.cli.run_commands import pack, path, repair, rerun, rm, unpack
 from ribbon_cli.cli.settings import Settings, common_options, pass_settings
 from ribbon_cli.cli.solve_commands import refine, solve
 from ribbon_cli.cli.spectrum_command import spectrum
 from ribbon_cli.cli.store_commands import ls, show
 from ribbon_cli.cli.table_command import convergence_table
+from ribbon_cli.cli.verify_command import verify
 from ribbon_cli.errors import UsageError
 
 # Whatever the environment says: the number of threads decides the order of summation, hence the bytes of the
@@ -91,8 +94,11 @@ def completion(settings: Settings, shell: str | None) -> None:
     emit_json({"shell": name, "script": text}) if settings.json else emit(text)
 
 
-_COMMANDS = (init, check, solve, refine, continue_, convergence_table, spectrum, ls, show, export, completion)
-
+_COMMANDS = (
+    *(init, check, solve, refine, continue_, convergence_table, spectrum),
+    *(ls, show, compare, path, verify, repair, rerun, pack, unpack, rm),
+    *(export, completion),
+)
 for _command in _COMMANDS:
     cli.add_command(_command)
 

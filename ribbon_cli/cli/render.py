@@ -16,7 +16,9 @@ MISSING = "-"
 State = Mapping[str, Any]
 """A state's summary, as `ribbon_cli.store.summary` gives it."""
 
-_LEFT = frozenset({"type", "status", "kind", "stage", "run", "last change", "name", "template"})
+_LEFT = frozenset(
+    {"type", "status", "kind", "stage", "run", "last change", "name", "template", "field", "first", "second"}
+)
 """Columns of words; the others hold numbers and are aligned on the right."""
 
 
@@ -143,17 +145,12 @@ def _branch_index(negative: int | None, before: int | None, after: int | None) -
 
 def runs_table(runs: Iterable[Mapping[str, Any]]) -> str:
     """The runs in a folder."""
+    counts = ("done", "running", "waiting", "failed", "states")
     rows = (
-        [
-            run["name"],
-            number(run["equilibria"]),
-            number(run["states"]),
-            "damaged" if run["damage"] else {True: "yes", False: "no", None: MISSING}[run["complete"]],
-            run["last_change"] or MISSING,
-        ]
+        [run["name"], run["status"], *(number(run[count]) for count in counts), run["last_change"] or MISSING]
         for run in runs
     )
-    return columns(["run", "equilibria", "states", "complete", "last change"], rows)
+    return columns(["run", "status", *counts, "last change"], rows)
 
 
 def listing(values: Mapping[str, Any]) -> str:

@@ -10,7 +10,6 @@ import click
 from ribbon_cli.cli.completion import complete_any, complete_file
 from ribbon_cli.cli.output import check_target, complain, emit, emit_json, say
 from ribbon_cli.cli.settings import Settings, common_options, pass_settings
-from ribbon_cli.cli.store_commands import names_state
 from ribbon_cli.errors import TargetError, UsageError
 
 METRICS = ("physical", "euclidean", "folding")
@@ -44,6 +43,8 @@ def spectrum(
     """
     if settings.json and style not in (None, "json"):
         raise UsageError(f"--json and --format {style} exclude each other: give one")
+    from ribbon_cli.store import names_state
+
     style = "json" if settings.json else style or "text"
     if full and (convergence or modes):
         raise UsageError("--full lists every mode: leave out --modes and --convergence")

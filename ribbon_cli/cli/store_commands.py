@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import os
+from collections.abc import Iterable
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
@@ -11,45 +11,48 @@ import click
 from ribbon_cli.cli.completion import complete_any, complete_run
 from ribbon_cli.cli.output import complain, emit, emit_json, say
 from ribbon_cli.cli.settings import Settings, common_options, pass_settings
-from ribbon_cli.errors import RibbonError, StoreError
+from ribbon_cli.errors import StoreError, UsageError
 
 if TYPE_CHECKING:
     from ribbon_cli.store import Run, StateRecord
     from ribbon_cli.study import Course
 
+_WHOLE_CONFIGS = ("config_text", "config_resolved")
+"""Provenance that only `--json` shows."""
+
 
 @click.command()
-@click.argument("run", required=False, shell_complete=complete_run)
+@click.argument("run", metavar="[RUN]", required=False, shell_complete=complete_run)
 @click.option("--all", "everything", is_flag=True, help="All kinds of state; all runs, those set aside too.")
+@click.option("--status", metavar="WORD", help="Only runs, or states, with this status.")
+@click.option("--kind", metavar="KIND", help="Only states of this kind, whichever it is.")
 @common_options
 @pass_settings
-def ls(settings: Settings, run: str | None, everything: bool) -> int:
-    """List the runs, or the equilibria of a RUN."""
-    from ribbon_cli.cli.render import runs_table, states_table
-    from ribbon_cli.store import find_run, list_runs
+def ls(settings: Settings, run: str | None, everything: bool, status: str | None, kind: str | None) -> int:
+    """List the runs, or the equilibria of a RUN.
+
+    Of runs it says how far they have come: how many of the equilibria that the config names are done, in
+    hand, waiting or failed. RUN@b=0.5 and RUN@b=0.5,N=400 list the states of a width or mesh.
+    """
+    from ribbon_cli.cli.render import runs_table
+    from ribbon_cli.store import list_runs
+    from ribbon_cli.study import RUN_STATUSES, standing
 
     if run is not None:
-        found = find_run(settings.root, run)
-        states = found.states(all=everything)
-        lost = found.damage(state["label"] for state in states)
-        states = [_as_found(state, lost.get(state["label"])) for state in states]
-        if settings.json:
-            emit_json(states)
-        elif states:
-            emit(states_table(states, kinds=everything))
-        else:
-            say(settings, _emptiness(found))
-        for label, word in lost.items():
-            complain(f"ribbon: {found.state_path(label)}: {word}: what is listed of it is what was committed")
-        return StoreError.exit_code if lost else 0
-    runs = [_describe(item) for item in list_runs(settings.root, aside=everything)]
+        return _list_states(settings, run, everything, status, kind)
+    if kind is not None:
+        raise UsageError("--kind is of states: name a run as well")
+    _known("status", status, RUN_STATUSES)
+    runs = [standing(item) for item in list_runs(settings.root, aside=everything)]
+    damaged = [item["damage"] for item in runs if item["damage"]]
+    runs = [item for item in runs if status is None or item["status"] == status]
     if settings.json:
         emit_json(runs)
     elif runs:
         emit(runs_table(runs))
     else:
-        say(settings, f"no runs in {settings.root} (see --runs)")
-    damaged = [item["damage"] for item in runs if item["damage"]]
+        what = "no runs" if status is None else f"no runs with status {status}"
+        say(settings, f"{what} in {settings.root} (see --runs)")
     for line in damaged:
         complain(f"ribbon: {line}")
     return StoreError.exit_code if damaged else 0
@@ -60,45 +63,46 @@ def _as_found(state: dict[str, Any], damage: str | None) -> dict[str, Any]:
     return state if damage is None else {**state, "status": damage, "certified": False}
 
 
+def _list_states(settings: Settings, ref: str, everything: bool, status: str | None, kind: str | None) -> int:
+    """List a run's states that the filters leave."""
+    from ribbon_cli.cli.render import states_table
+    from ribbon_cli.store import KINDS, find_states
+
+    _known("kind", kind, KINDS)
+    run, states = find_states(settings.root, ref, everything or kind is not None)
+    lost = run.damage(state["label"] for state in states)
+    states = [_as_found(state, lost.get(state["label"])) for state in states]
+    shown = [
+        state
+        for state in states
+        if (status is None or state["status"] == status) and (kind is None or state["kind"] == kind)
+    ]
+    if settings.json:
+        emit_json(shown)
+    elif shown:
+        emit(states_table(shown, kinds=everything or kind is not None))
+    else:
+        say(settings, _emptiness(run) if not states else f"{run.name} has no such states")
+    for label, word in lost.items():
+        complain(f"ribbon: {run.state_path(label)}: {word}: what is listed of it is what was committed")
+    return StoreError.exit_code if lost else 0
+
+
+def _known(name: str, word: str | None, known: Iterable[str]) -> None:
+    """Refuse an option's value that can match nothing. Raises UsageError."""
+    from ribbon_cli.store import suggest
+
+    if word is not None and word not in known:
+        raise UsageError(f"--{name}: {word!r} is none of {', '.join(known)}{suggest(word, known)}")
+
+
 def _emptiness(run: Run) -> str:
     """Why a run's listing is empty."""
+    if run.states():
+        return f"{run.name} has no such states"
     if run.entries():
         return f"{run.name} has no equilibria yet; `ribbon ls {run.short_name} --all` lists its states"
     return f"{run.name} has no states yet"
-
-
-def _describe(run: Run) -> dict[str, Any]:
-    """A run in a few words; `damage` is empty or says why the rest is unknown."""
-    facts: dict[str, Any] = {"name": run.name, "short_name": run.short_name, "path": str(run.path)}
-    unknown = dict.fromkeys(("equilibria", "states", "last_change", "complete"))
-    try:
-        events = run.events()
-        states = run.states()
-    except StoreError as error:
-        return facts | unknown | {"aside": run.is_aside, "damage": str(error)}
-    return facts | {
-        "equilibria": len(states),
-        "states": sum(event["event"] == "state" for event in events),
-        "last_change": events[-1]["time"] if events else None,
-        "complete": _is_complete(run, states),
-        "aside": run.is_aside,
-        "damage": "",
-    }
-
-
-def _is_complete(run: Run, states: list[dict[str, Any]]) -> bool | None:
-    """Whether a run has an equilibrium for all that its config names; None where that cannot be told."""
-    from ribbon_cli.config import load_config
-    from ribbon_cli.study import plan_of
-
-    try:
-        stages = plan_of(load_config(run.path / "resolved.yaml")).stages
-    except RibbonError:
-        return None
-    wanted = {(stage.half_width, stage.segments) for stage in stages if stage.kind == "equilibrium"}
-    if any(None in place for place in wanted):
-        return None
-    return wanted <= {(state["half_width"], state["segments"]) for state in states}
 
 
 @click.command()
@@ -111,10 +115,13 @@ def show(settings: Settings, ref: str) -> None:
     Of a state all but its arrays, provenance included; of a run its config, history and branches.
     """
     from ribbon_cli.cli.render import branch_text, history_lines, listing, status_in_words
+    from ribbon_cli.store import names_state
 
+    words: dict[str, Any]
     if names_state(ref):
         document = _show_state(settings, ref)
-        words: dict[str, Any] = {"status": status_in_words(document)}
+        facts = {key: value for key, value in document["provenance"].items() if key not in _WHOLE_CONFIGS}
+        words = {"status": status_in_words(document), "provenance": facts}
         emit_json(document) if settings.json else emit(listing({**document, **words}))
         return
     document, branches = _show_run(settings, ref)
@@ -123,13 +130,6 @@ def show(settings: Settings, ref: str) -> None:
     else:
         words = {"history": history_lines(document["history"])}
         emit("\n\n".join([listing({**document, **words}), *map(branch_text, branches)]))
-
-
-def names_state(ref: str) -> bool:
-    """Whether a reference is to a state rather than a run."""
-    if os.path.isdir(ref):
-        return False
-    return ":" in ref or "@" in ref or ref.endswith((".h5", ".hdf5", ".npz")) or os.path.isfile(ref)
 
 
 def _show_state(settings: Settings, ref: str) -> dict[str, Any]:
@@ -162,10 +162,10 @@ def _spectra(record: StateRecord) -> dict[str, Any]:
 def _show_run(settings: Settings, ref: str) -> tuple[dict[str, Any], tuple[Course, ...]]:
     """A run: what `ribbon ls` says of it, its config, its history apart from states, and its branches."""
     from ribbon_cli.store import find_run
-    from ribbon_cli.study import courses
+    from ribbon_cli.study import courses, standing
 
     run = find_run(settings.root, ref)
-    facts = _describe(run)
+    facts = standing(run)
     if facts["damage"]:
         raise StoreError(facts["damage"])
     events = [event for event in run.events() if event["event"] != "state"]

@@ -63,7 +63,7 @@ def sliding_tangent(problem: Problem, x: Array) -> Array:
     return out
 
 
-def _sliding(problem: Problem, x: Array, mass: sparse.csr_matrix, rotations: Array) -> Array:
+def sliding_covector(problem: Problem, x: Array, mass: sparse.csr_matrix, rotations: Array) -> Array:
     """Covector M t / |t| (7N,) of the sliding tangent t, rotations projected out; zero if t is a rotation."""
     tangent = sliding_tangent(problem, x)
     reach = float(np.linalg.norm(tangent) * np.sqrt(mass.diagonal().max()))
@@ -95,7 +95,7 @@ def metric_diagonal(problem: Problem, metric: str) -> Array:
 def sliding_overlap(problem: Problem, x: Array, vector: Array) -> float:
     """Cosine, 0 to 1, between a move (7N,) and sliding along the band, in the physical metric."""
     mass = metric_named("physical").matrix(problem.state(x))
-    covector = _sliding(problem, x, mass, problem.rotations(x))
+    covector = sliding_covector(problem, x, mass, problem.rotations(x))
     return min(1.0, abs(float(covector @ vector)) / float(lengths(mass, vector[:, None])[0]))
 
 
@@ -148,7 +148,7 @@ def _assemble(
 ) -> Spectrum:
     """Join the rotations to the other modes, label and sort; the lowest `keep` others keep their vectors."""
     rotations = problem.rotations(x)
-    overlaps = np.minimum(np.abs(_sliding(problem, x, mass, rotations) @ found.vectors), 1.0)
+    overlaps = np.minimum(np.abs(sliding_covector(problem, x, mass, rotations) @ found.vectors), 1.0)
     hidden, spread = hidden_share(problem, found.vectors)
     labels = [_label(*figures) for figures in zip(overlaps, hidden, spread, strict=True)]
     count, kept = rotations.shape[1], min(keep, found.values.size)

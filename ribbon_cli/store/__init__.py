@@ -10,7 +10,15 @@ from ribbon_cli.store.layout import FORMAT, FORMAT_VERSION, layout_markdown
 from ribbon_cli.store.npz import export_npz, load_npz, write_arrays
 from ribbon_cli.store.provenance import gather
 from ribbon_cli.store.record import KINDS, METRICS, BranchRecord, SpectrumRecord, StateRecord
-from ribbon_cli.store.refs import find_run, list_runs, resolve_state, runs_root, suggest
+from ribbon_cli.store.refs import (
+    find_run,
+    find_states,
+    list_runs,
+    names_state,
+    resolve_state,
+    runs_root,
+    suggest,
+)
 from ribbon_cli.store.run import Run
 from ribbon_cli.store.summaries import summary
 
@@ -28,10 +36,12 @@ __all__ = [
     "encode",
     "export_npz",
     "find_run",
+    "find_states",
     "gather",
     "layout_markdown",
     "list_runs",
     "load_npz",
+    "names_state",
     "resolve_state",
     "runs_root",
     "suggest",

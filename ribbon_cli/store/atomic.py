@@ -33,18 +33,10 @@ def write_atomic(path: str | Path, data: bytes, *, overwrite: bool = False) -> N
     try:
         try:
             write_durable(temporary, data)
-            _publish(temporary, path, overwrite)
+            publish(temporary, path, overwrite)
         finally:
             with suppress(OSError):
                 os.unlink(temporary)
-        try:
-            sync_folder(path.parent)
-        except BaseException:
-            # Its name may not survive a power cut, so the caller must not be told either way: take it back.
-            if not overwrite:
-                with suppress(OSError):
-                    os.unlink(path)
-            raise
     except OSError as error:
         raise write_error(path, error) from error
 
@@ -101,8 +93,23 @@ def sync_folder(path: str | Path) -> None:
         os.close(descriptor)
 
 
-def _publish(temporary: Path, path: Path, overwrite: bool) -> None:
-    """Give a finished file its name. Raises OSError, FileExistsError for an existing file."""
+def publish(temporary: Path, path: Path, overwrite: bool) -> None:
+    """Give a finished, synced file its name, durably.
+
+    Raises OSError, FileExistsError for an existing file.
+    """
+    _rename(temporary, path, overwrite)
+    try:
+        sync_folder(path.parent)
+    except BaseException:
+        # Its name may not survive a power cut, so the caller must not be told either way: take it back.
+        if not overwrite:
+            with suppress(OSError):
+                os.unlink(path)
+        raise
+
+
+def _rename(temporary: Path, path: Path, overwrite: bool) -> None:
     if overwrite:
         os.rename(temporary, path)
         return

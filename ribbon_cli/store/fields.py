@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from ribbon_cli.store.layout import BRANCH, SPECTRUM, STATE, Item, provenance_item
+from ribbon_cli.store.layout import BRANCH, DIMENSIONS, SPECTRUM, STATE, Item, provenance_item
 from ribbon_cli.store.record import METRICS, BranchRecord, SpectrumRecord, StateRecord
 
 if TYPE_CHECKING:
@@ -30,9 +30,16 @@ class Field:
     value: Value
 
 
+def is_provenance(path: str) -> bool:
+    """Whether a path is in /provenance."""
+    return path.startswith("/provenance/")
+
+
 def is_scientific(path: str) -> bool:
-    """Whether the content hash covers a path: everything outside /provenance."""
-    return not path.startswith("/provenance/")
+    """Whether the content hash covers a path: everything but /provenance and scales, which follow from the
+    rest.
+    """
+    return not is_provenance(path) and path.rpartition("/")[2] not in DIMENSIONS
 
 
 def value_shape(value: Value) -> tuple[int, ...]:
@@ -73,7 +80,7 @@ def _to_value(item: Item, raw: Any) -> Value:
             raise ValueError(f"{item.path}: text must not contain the null character")
         return raw if isinstance(raw, str) else tuple(raw)
     value = np.asarray(raw, dtype=NUMPY_DTYPE[item.dtype])
-    if item.dtype != "float64" and value != raw:
+    if item.dtype != "float64" and not np.array_equal(value, raw):
         raise ValueError(f"{item.path} must be {item.dtype}, got {raw!r}")
     return value
 
@@ -117,6 +124,32 @@ def flatten(record: StateRecord) -> list[Field]:
         item = provenance_item(key, record.provenance[key])
         fields.append(Field(item, _to_value(item, record.provenance[key])))
     return fields
+
+
+def scales(fields: list[Field], length: float, segments: int) -> list[Field]:
+    """Return the dimension scales of the arrays in `fields`: one for each dimension in each group."""
+    found: dict[str, Field] = {}
+    for field in fields:
+        for dim, size in zip(field.item.dims, value_shape(field.value), strict=True):
+            path = f"{field.item.group}/{dim}"
+            if path not in found:
+                about = DIMENSIONS[dim]
+                item = Item(path, about.dtype, (dim,), about.equation, about.description)
+                found[path] = Field(item, _scale(dim, size, length / segments))
+    return list(found.values())
+
+
+def _scale(dim: str, size: int, h: float) -> Value:
+    """Values along a dimension."""
+    import numpy as np
+
+    if dim == "xyz":
+        return ("x", "y", "z")
+    if dim == "unknown":
+        return ("u_x", "u_y", "u_z", "g_x", "g_y", "g_z", "xi")
+    if DIMENSIONS[dim].dtype == "int64":
+        return np.arange(1, size + 1, dtype=np.int64)
+    return (np.arange(size) + (0.5 if dim == "facet" else 0.0)) * h
 
 
 def _check_modes(metric: str, dims: dict[str, int]) -> None:
@@ -170,14 +203,39 @@ def assemble(values: Mapping[str, Value]) -> StateRecord:
     if any(path.startswith("/branch/") for path in values):
         branch = BranchRecord(**_record_values(values, BRANCH, _dims(n)))
     fields = _record_values(values, STATE, _dims(n))
-    return StateRecord(**fields, spectra=tuple(spectra), branch=branch, provenance=_provenance(values))
+    record = StateRecord(**fields, spectra=tuple(spectra), branch=branch, provenance=_provenance(values))
+    _check_scales(values, record)
+    return record
+
+
+def _check_scales(values: Mapping[str, Value], record: StateRecord) -> None:
+    """Refuse scales that are not those of the arrays. Format 1.0 has none. Raises ValueError."""
+    stored = {path for path in values if not is_provenance(path) and not is_scientific(path)}
+    if not stored:
+        return
+    for field in scales(flatten(record), record.length, record.segments):
+        path, value = field.item.path, values.get(field.item.path)
+        stored.discard(path)
+        if value is None:
+            raise ValueError(f"{path} is missing")
+        if value_dtype(value) != field.item.dtype or not _same(value, field.value):
+            raise ValueError(f"{path} is not the scale of its arrays")
+    if stored:
+        raise ValueError(f"{min(stored)} is a scale of nothing")
+
+
+def _same(a: Value, b: Value) -> bool:
+    """Whether two values of one type are equal to the last bit."""
+    if isinstance(a, str | tuple) or isinstance(b, str | tuple):
+        return a == b
+    return a.shape == b.shape and a.tobytes() == b.tobytes()
 
 
 def _provenance(values: Mapping[str, Value]) -> dict[str, Any]:
     """Entries of /provenance. Raises ValueError unless each is a scalar."""
     found = {}
     for path, value in values.items():
-        if not is_scientific(path):
+        if is_provenance(path):
             if value_shape(value) != ():
                 raise ValueError(f"{path} must be a scalar")
             found[path.removeprefix("/provenance/")] = _to_python(value)

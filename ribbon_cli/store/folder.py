@@ -14,15 +14,13 @@ from typing import Any
 
 from ribbon_cli.store import log
 from ribbon_cli.store.atomic import TEMPORARY, sync_folder, temporary_name, write_durable
-from ribbon_cli.store.record import StateRecord
-from ribbon_cli.store.summaries import describe
 
 CONFIG = "config.yaml"
 RESOLVED = "resolved.yaml"
 LOG = "log.jsonl"
 STATES = "states"
 RUN_FORMAT = "ribbon-run"
-RUN_FORMAT_VERSION = "1.0"
+RUN_FORMAT_VERSION = "1.1"
 
 _STATE_FILE = re.compile(r"(\d{4,})\.h5")
 _ABANDONED = 3600.0
@@ -30,8 +28,8 @@ _ABANDONED = 3600.0
 
 
 def is_run(path: Path) -> bool:
-    """Whether a folder is a run's."""
-    return (path / RESOLVED).is_file() and not path.name.startswith(".")
+    """Whether a folder is a run's, be it one that has lost a file."""
+    return not path.name.startswith(".") and any((path / name).is_file() for name in (RESOLVED, LOG))
 
 
 def state_name(label: int) -> str:
@@ -51,14 +49,14 @@ def state_files(folder: Path) -> dict[int, Path]:
     return {label: found[label] for label in sorted(label for label in found if label is not None)}
 
 
-def state_entry(record: StateRecord, data: bytes) -> dict[str, Any]:
-    """Entry in the log for a state whose file holds `data`."""
+def state_entry(state: Mapping[str, Any], data: bytes) -> dict[str, Any]:
+    """Entry in the log for a state with the summary `state`, whose file holds `data`."""
     return {
         "event": "state",
         "time": log.utc_now(),
-        "file": state_name(record.label),
+        "file": state_name(state["label"]),
         "sha256": hashlib.sha256(data).hexdigest(),
-        "state": describe(record),
+        "state": dict(state),
     }
 
 
@@ -87,16 +85,33 @@ def create(path: Path, files: Mapping[str, bytes]) -> None:
         for name, data in files.items():
             write_durable(temporary / name, data)
         write_durable(temporary / LOG, log.format_line(created_entry(files)))
-        sync_folder(temporary / STATES)
-        sync_folder(temporary)
         try:
-            os.rename(temporary, path)
+            place(temporary, path)
         except OSError:
             if not is_run(path):
                 raise
-        sync_folder(path.parent)
+            sync_folder(path.parent)
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
+
+
+def place(temporary: Path, path: Path) -> None:
+    """Give a finished folder its name, durably; its files are synced already. Raises OSError."""
+    sync_folder(temporary / STATES)
+    sync_folder(temporary)
+    os.rename(temporary, path)
+    sync_folder(path.parent)
+
+
+def remove(path: Path) -> None:
+    """Delete a run's folder: renamed first, so that a kill leaves no half run under its name.
+
+    Raises OSError.
+    """
+    temporary = temporary_name(path)
+    os.rename(path, temporary)
+    sync_folder(path.parent)
+    shutil.rmtree(temporary)
 
 
 def remove_abandoned(root: Path) -> None:

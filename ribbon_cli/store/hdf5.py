@@ -7,14 +7,20 @@ without it.
 
 from __future__ import annotations
 
+import os
+import stat
+from collections.abc import Mapping
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ribbon_cli.errors import StoreError
 from ribbon_cli.store.content import values_sha256
-from ribbon_cli.store.fields import Field, assemble, flatten, value_dtype
-from ribbon_cli.store.layout import FORMAT, FORMAT_VERSION
+from ribbon_cli.store.fields import Field, assemble, flatten, scales, value_dtype, value_shape
+from ribbon_cli.store.layout import DIMENSIONS, FORMAT, FORMAT_VERSION, SIGNALS
+from ribbon_cli.store.preamble import block_size, check_seal, check_version, head_version, seal
 from ribbon_cli.store.record import StateRecord
+from ribbon_cli.store.summaries import agrees, describe
 
 if TYPE_CHECKING:
     import h5py
@@ -24,12 +30,13 @@ if TYPE_CHECKING:
 COMPRESS_ABOVE = 64
 """Arrays of more elements are compressed; below, the filter costs more than it saves."""
 GZIP_LEVEL = 4
-MAX_BYTES = 2**30
-"""Largest state file, and largest sum of its datasets once unpacked, that is read."""
-MAX_OBJECTS = 10_000
-"""Most groups and datasets that are visited; links may form a loop."""
+MAX_BYTES = 2**28
+"""Largest state file, and largest sum of its datasets once unpacked, that is read: N = 100 000 with its
+modes fits."""
+MAX_OBJECTS = 1000
+"""Most groups and datasets that are visited; a state has less than a hundred."""
 _FILTERS = {1, 2, 3}  # deflate, shuffle, fletcher32: all built in, so that no plug-in is ever loaded
-_UNREADABLE = (
+UNREADABLE = (
     OSError,
     RuntimeError,
     ValueError,
@@ -49,26 +56,54 @@ def encode(record: StateRecord) -> bytes:
 
     Raises ValueError where a field does not fit layout.py.
     """
+    import io
+
     import h5py
-    from h5py import h5f, h5p
+    from h5py import h5f, h5fd, h5p
 
     fields = flatten(record)
+    content = values_sha256({field.item.path: field.value for field in fields})
+    summary = describe(record, content)
+    fields += scales(fields, record.length, record.segments)
+    image = io.BytesIO()
     creation = h5p.create(h5p.FILE_CREATE)
+    creation.set_userblock(block_size(summary))
     creation.set_obj_track_times(False)
     access = h5p.create(h5p.FILE_ACCESS)
-    access.set_fapl_core(1 << 18, False)
+    # Not the core driver's image: HDF5 before 1.14 hands that out with a superblock whose checksum is not its
+    # own.
+    access.set_fileobj_driver(h5fd.fileobj_driver, image)
     # A fixed pair of bounds fixes the bytes; v110 checksums its metadata and every HDF5 since 2016 reads it.
     access.set_libver_bounds(h5f.LIBVER_V110, h5f.LIBVER_V110)
     with h5py.File(h5f.create(b"state", h5f.ACC_TRUNC, creation, access)) as file:
-        content = values_sha256({field.item.path: field.value for field in fields})
         root = {"format": FORMAT, "format_version": FORMAT_VERSION, "content_sha256": content}
         for name, text in root.items():
-            _write_text_attribute(file.id, name, text)
+            write_text_attribute(file.id, name, text)
         _write_groups(file, fields)
-        for field in fields:
-            _write_dataset(file, field)
-        file.flush()
-        return bytes(file.id.get_file_image())
+        datasets = {field.item.path: _write_dataset(file, field) for field in fields}
+        _write_axes(file, fields, datasets)
+    return seal(image.getvalue(), summary)
+
+
+def _write_axes(file: h5py.File, fields: list[Field], datasets: Mapping[str, Any]) -> None:
+    """Make the scales dimension scales, attach them, and say what a viewer is to show of each group."""
+    from h5py import h5ds
+
+    for path, dataset in datasets.items():
+        name = path.rpartition("/")[2]
+        if name in DIMENSIONS:
+            h5ds.set_scale(dataset, name.encode())
+    for field in fields:
+        name = field.item.path.rpartition("/")[2]
+        if name in DIMENSIONS:
+            continue
+        for axis, dim in enumerate(field.item.dims):
+            h5ds.attach_scale(datasets[field.item.path], datasets[f"{field.item.group}/{dim}"], axis)
+        if SIGNALS.get(field.item.group) == name:
+            group = file[field.item.group].id
+            write_text_attribute(group, "NX_class", "NXdata")
+            write_text_attribute(group, "signal", name)
+            write_text_attribute(group, "axes", *field.item.dims)
 
 
 def _write_groups(file: h5py.File, fields: list[Field]) -> None:
@@ -87,40 +122,61 @@ def _write_groups(file: h5py.File, fields: list[Field]) -> None:
                 h5g.create(file.id, path.encode(), gcpl=creation)
 
 
-def _write_text_attribute(owner: Any, name: str, text: str) -> None:
-    """Write a fixed-length UTF-8 attribute; the low level is several times faster than h5py's own."""
+def write_text_attribute(owner: Any, name: str, *texts: str) -> None:
+    """Write a fixed-length UTF-8 attribute, of several texts an array; faster than h5py's own by several
+    times.
+    """
     import numpy as np
-    from h5py import h5a, h5s, h5t
+    from h5py import h5a, h5s
 
-    data = np.array(text.encode() or b"\0", dtype=np.bytes_)
+    data = np.array([text.encode() or b"\0" for text in texts], dtype=np.bytes_)
+    kind = _text_type(data.dtype.itemsize)
+    space = h5s.create(h5s.SCALAR) if len(texts) == 1 else h5s.create_simple(data.shape)
+    h5a.create(owner, name.encode(), kind, space).write(data.reshape(space.shape), mtype=kind)
+
+
+@lru_cache(maxsize=256)
+def _text_type(width: int) -> Any:
+    """HDF5's type of null-padded UTF-8 texts."""
+    from h5py import h5t
+
     kind = h5t.C_S1.copy()
-    kind.set_size(data.dtype.itemsize)
+    kind.set_size(width)
     kind.set_strpad(h5t.STR_NULLPAD)
     kind.set_cset(h5t.CSET_UTF8)
-    h5a.create(owner, name.encode(), kind, h5s.create(h5s.SCALAR)).write(data, mtype=kind)
+    return kind
 
 
-def _write_dataset(file: h5py.File, field: Field) -> None:
-    """Write one dataset with its three attributes; arrays are checksummed, longer ones compressed."""
-    import h5py
+def _write_dataset(file: h5py.File, field: Field) -> Any:
+    """Write one dataset with its three attributes and return its id; arrays are checksummed, longer ones
+    compressed.
+    """
     import numpy as np
+    from h5py import h5d, h5p, h5s, h5t
 
     value = field.value
     if isinstance(value, str | tuple):
         texts = [text.encode() for text in ((value,) if isinstance(value, str) else value)]
-        width = max([1, *map(len, texts)])
-        data = np.array(texts, dtype=h5py.string_dtype("utf-8", width))
-        data = data.reshape(()) if isinstance(value, str) else data
+        kind = _text_type(max([1, *map(len, texts)]))
+        data = np.array(texts, dtype=kind.dtype).reshape(value_shape(value))
     else:
         data = value
-    options: dict[str, Any] = {}
+        kind = h5t.py_create(data.dtype, logical=True)
+    creation = h5p.create(h5p.DATASET_CREATE)
+    creation.set_obj_track_times(False)
     if data.shape and data.size:
-        options = {"chunks": data.shape, "fletcher32": True}
+        creation.set_chunk(data.shape)
         if data.size > COMPRESS_ABOVE:
-            options |= {"compression": "gzip", "compression_opts": GZIP_LEVEL, "shuffle": True}
-    dataset = file.create_dataset(field.item.path, data=data, dtype=data.dtype, track_times=False, **options)
+            creation.set_shuffle()
+            creation.set_deflate(GZIP_LEVEL)
+        creation.set_fletcher32()
+    space = h5s.create_simple(data.shape) if data.shape else h5s.create(h5s.SCALAR)
+    dataset = h5d.create(file.id, field.item.path.encode(), kind, space, creation)
+    if data.size:
+        dataset.write(h5s.ALL, h5s.ALL, data, mtype=kind)
     for name in ("description", "units", "equation"):
-        _write_text_attribute(dataset.id, name, getattr(field.item, name))
+        write_text_attribute(dataset, name, getattr(field.item, name))
+    return dataset
 
 
 def decode(path: str | Path) -> StateRecord:
@@ -135,13 +191,23 @@ def decode(path: str | Path) -> StateRecord:
 def read_bytes(path: str | Path) -> bytes:
     """Return a file's bytes. Raises StoreError when it cannot be read or is larger than any state file."""
     try:
-        with open(path, "rb") as file:
-            data = file.read(MAX_BYTES + 1)
+        with open(path, "rb", opener=_without_waiting) as file:
+            found = os.fstat(file.fileno())
+            if not stat.S_ISREG(found.st_mode):
+                raise StoreError(f"{path}: not a file")
+            size = found.st_size
+            # Asked for more, Python would make room for it first.
+            data = file.read(min(size, MAX_BYTES) + 1)
     except OSError as error:
         raise StoreError(f"{path}: cannot be read: {error.strerror}") from error
     if len(data) > MAX_BYTES:
         raise StoreError(f"{path}: larger than any state file ({MAX_BYTES} bytes)")
     return data
+
+
+def _without_waiting(path: str, flags: int) -> int:
+    """Open a file; of a pipe, do not wait for its writer."""
+    return os.open(path, flags | os.O_NONBLOCK)
 
 
 def decode_bytes(data: bytes, source: str) -> StateRecord:
@@ -150,30 +216,40 @@ def decode_bytes(data: bytes, source: str) -> StateRecord:
     from h5py import h5f
 
     try:
+        check_version(data, source)
+        head = check_seal(data)
         with h5py.File(h5f.open_file_image(data)) as file:
-            stored = _check_root(file, source)
+            stored = _check_root(file, source, head_version(data))
             values = _read_values(file)
             if values_sha256(values) != stored:
                 raise ValueError("its content does not match its content_sha256")
-            return assemble(values)
-    except _UNREADABLE as error:
+            record = assemble(values)
+            if head is not None and not agrees(head, record, stored):
+                raise ValueError("the summary in its head is not that of its content")
+            return record
+    except UNREADABLE as error:
         reason = " ".join(str(error).split()) or type(error).__name__
         raise StoreError(f"{source}: damaged, or not a state file: {reason}") from error
 
 
-def _check_root(file: h5py.File, source: str) -> str:
-    """Check format and version; return the stored content hash. Raises StoreError or ValueError."""
-    name = _text_attribute(file, "format")
-    version = _text_attribute(file, "format_version")
+def _check_root(file: h5py.File, source: str, head: str | None) -> str:
+    """Check format and version, and that only files of 1.0 lack a head; return the stored content hash.
+
+    Raises StoreError or ValueError.
+    """
+    name = text_attribute(file, "format")
+    version = text_attribute(file, "format_version")
     if name != FORMAT:
         raise ValueError(f"its format is {name!r}, not {FORMAT!r}")
-    major, _, _ = version.partition(".")
+    major, _, minor = version.partition(".")
     if int(major) > int(FORMAT_VERSION.partition(".")[0]):
         raise StoreError(f"{source}: written in format {version}, newer than {FORMAT_VERSION}: update ribbon")
-    return _text_attribute(file, "content_sha256")
+    if head != (version if (int(major), int(minor)) > (1, 0) else None):
+        raise ValueError("its head is missing, or of another version")
+    return text_attribute(file, "content_sha256")
 
 
-def _text_attribute(file: h5py.File, name: str) -> str:
+def text_attribute(file: h5py.File, name: str) -> str:
     """Read a root attribute. Raises ValueError unless it is one short fixed-length text."""
     if name not in file.attrs:
         raise ValueError(f"the root attribute {name!r} is missing")
@@ -199,29 +275,37 @@ def _find_datasets(file: h5py.File) -> dict[str, h5py.Dataset]:
 
     found: dict[str, h5py.Dataset] = {}
     groups: list[tuple[str, h5py.Group]] = [("", file)]
-    visited = 0
+    seen = {h5py.h5o.get_info(file.id).addr}
     while groups:
         prefix, group = groups.pop()
         for name in group:
             path = f"{prefix}/{name}"
-            visited += 1
-            if visited > MAX_OBJECTS:
+            if len(seen) > MAX_OBJECTS:
                 raise ValueError("it holds more objects than any state file")
             if not isinstance(group.get(name, getlink=True), h5py.HardLink):
                 raise ValueError(f"{path} is a soft or external link")
             node = group[name]
+            address = h5py.h5o.get_info(node.id).addr
+            if address in seen:
+                raise ValueError(f"{path} is another object once more, or leads in a circle")
+            seen.add(address)
             if isinstance(node, h5py.Group):
                 groups.append((path, node))
             elif isinstance(node, h5py.Dataset):
-                _check_dataset(path, node)
+                check_dataset(path, node)
                 found[path] = node
             else:
                 raise ValueError(f"{path} is neither group nor dataset")
     return found
 
 
-def _check_dataset(path: str, dataset: h5py.Dataset) -> None:
-    """Refuse data stored outside the file, other filters and other types, before any is read."""
+def check_dataset(
+    path: str, dataset: h5py.Dataset, dtypes: tuple[str, ...] = ("<f8", "<i8", "?", "S")
+) -> None:
+    """Refuse data outside of the file, other filters and other types, before any is read.
+
+    Raises ValueError.
+    """
     creation = dataset.id.get_create_plist()
     if creation.get_external_count() or dataset.is_virtual:
         raise ValueError(f"{path} keeps its data outside the file")
@@ -229,7 +313,7 @@ def _check_dataset(path: str, dataset: h5py.Dataset) -> None:
         raise ValueError(f"{path} uses a filter that no state file uses")
     if dataset.shape is None:
         raise ValueError(f"{path} has no shape")
-    if dataset.dtype.kind != "S" and dataset.dtype not in ("<f8", "<i8", "?"):
+    if dataset.dtype not in dtypes and not ("S" in dtypes and dataset.dtype.kind == "S"):
         raise ValueError(f"{path} has dtype {dataset.dtype}")
 
 

@@ -16,22 +16,72 @@ Dtype = Literal["float64", "int64", "bool", "utf-8"]
 
 
 @dataclass(frozen=True)
-class Item:
-    """One dataset of a state file.
+class Dimension:
+    """An axis that arrays share, with the dataset that is its scale in every group of such arrays.
 
-    `shape` holds numbers and symbols: N facets, N+1 nodes with both ends of the seam, k eigenvalues, m stored
-    modes, e events. An `optional` item whose value is None is absent from the file. Those in `summary` appear
-    in the log and in `ribbon ls` and `ribbon show`.
+    `size` is a number or a symbol: N facets, N+1 nodes with both ends of the seam, k eigenvalues, m stored
+    modes, e events.
+    """
+
+    size: str | int
+    dtype: Dtype
+    equation: str
+    description: str
+
+
+DIMENSIONS = {
+    "facet": Dimension(
+        "N", "float64", "Koldaev (2022), (2.3)", "arc length (i - 1/2) h at the middle of facet i"
+    ),
+    "node": Dimension("N", "float64", "Koldaev (2022), (2.3)", "arc length (i - 1) h at node i"),
+    "vertex": Dimension("N+1", "float64", "Koldaev (2022), (2.3)", "arc length (i - 1) h, i = 1..N+1"),
+    "xyz": Dimension(3, "utf-8", "none", "Cartesian components"),
+    "unknown": Dimension(7, "utf-8", "none", "unknowns of a node, as in a mode"),
+    "event": Dimension("e", "int64", "none", "number of the event"),
+    "eigenvalue": Dimension("k", "int64", "none", "number of the eigenvalue, ascending"),
+    "mode": Dimension("m", "int64", "none", "number of the eigenvalue that the mode belongs to"),
+}
+"""Dimensions by name; a scale's dataset bears the name of its dimension.
+
+Names are never used for anything else.
+"""
+
+SIGNALS = {
+    "/state": "u",
+    "/multipliers": "lambda_1",
+    "/geometry": "kappa_s",
+    "/spectra/euclidean": "values",
+    "/spectra/physical": "values",
+}
+"""The array that a viewer shows of a group, as in NeXus; the group's `axes` are that array's dimensions."""
+
+
+@dataclass(frozen=True)
+class Item:
+    """One dataset of a state file; `dims` names its axes, none for a scalar.
+
+    An `optional` item whose value is None is absent from the file. Those in `summary` appear in the log and
+    in `ribbon ls` and `ribbon show`.
     """
 
     path: str
     dtype: Dtype
-    shape: tuple[str | int, ...]
+    dims: tuple[str, ...]
     equation: str
     description: str
     units: str = "1"
     optional: bool = False
     summary: bool = False
+
+    @property
+    def shape(self) -> tuple[str | int, ...]:
+        """Numbers and symbols, an axis each."""
+        return tuple(DIMENSIONS[dim].size for dim in self.dims)
+
+    @property
+    def group(self) -> str:
+        """Path of the group that the dataset is in."""
+        return self.path.rpartition("/")[0]
 
     @property
     def field(self) -> str:
@@ -40,16 +90,23 @@ class Item:
 
 
 def _items(rows: tuple[tuple[str, Dtype, str, str, str, str], ...]) -> tuple[Item, ...]:
-    """Rows of (path, dtype, shape, flags, equation, description); flags: o optional, s in the summary.
+    """Rows of (path, dtype, dims, flags, equation, description); flags: o optional, s in the summary.
 
     An equation that is a bare number in parentheses is one of Koldaev (2022).
     """
     items = []
-    for path, dtype, shape, flags, equation, description in rows:
-        dims = tuple(int(dim) if dim.isdigit() else dim for dim in shape.split())
+    for path, dtype, dims, flags, equation, description in rows:
         source = f"Koldaev (2022), {equation}" if equation.startswith("(") else equation or "none"
         items.append(
-            Item(path, dtype, dims, source, description, optional="o" in flags, summary="s" in flags)
+            Item(
+                path,
+                dtype,
+                tuple(dims.split()),
+                source,
+                description,
+                optional="o" in flags,
+                summary="s" in flags,
+            )
         )
     return tuple(items)
 
@@ -110,43 +167,47 @@ STATE = _items((
      "how the state was reached from its parent"),
     ("/origin/newton_steps", "int64", "", "s", "(2.56)",
      "Newton steps taken to reach the state from its guess"),
-    ("/origin/events", "utf-8", "e", "s", "",
+    ("/origin/events", "utf-8", "event", "s", "",
      "what happened on the way, in order, for instance `grid phase`"),
-    ("/state/u", "float64", "N 3", "", "(2.5)",
+    ("/state/u", "float64", "facet xyz", "", "(2.5)",
      "tangent u_i of facet i, at alpha_{i+1/2}"),
-    ("/state/g", "float64", "N 3", "", "(2.3)",
+    ("/state/g", "float64", "node xyz", "", "(2.3)",
      "ruling g_i at node i; b g_i leads from the midline to the edge"),
-    ("/state/xi", "float64", "N", "", "(2.10)",
+    ("/state/xi", "float64", "facet", "", "(2.10)",
      "xi_i of facet i with tanh xi_i = (b/h) u_i.(g_{i+1} - g_i)"),
-    ("/state/g_end", "float64", "3", "", "(2.2)",
+    ("/state/g_end", "float64", "xyz", "", "(2.2)",
      "ruling g_{N+1}: sigma g_1 when the seam is closed, prescribed while it is open"),
     ("/state/cut_node", "int64", "", "o", "",
      "node, from 1, at which a band that is open at its seam is cut once more: facets from there on are a "
      "second piece, placed as `midline` says; absent: none"),
-    ("/state/g_cut", "float64", "3", "o", "",
+    ("/state/g_cut", "float64", "xyz", "o", "",
      "ruling at which the first piece of a cut band ends; absent: none"),
-    ("/multipliers/lambda_1", "float64", "N", "", "(1.58)",
+    ("/state/prescribed", "bool", "node", "o", "(3.9)-(3.10)",
+     "whether ruling g_i is prescribed; absent: none is"),
+    ("/state/seam_open", "bool", "", "o", "(3.9)-(3.10)",
+     "whether the seam is open, with g_end prescribed; absent: it is closed"),
+    ("/multipliers/lambda_1", "float64", "facet", "", "(1.58)",
      "multiplier of |u_i|^2 - 1, at facets"),
-    ("/multipliers/lambda_2", "float64", "N", "", "(1.58)",
+    ("/multipliers/lambda_2", "float64", "node", "", "(1.58)",
      "multiplier of |g_i|^2 - (g_i.u_i)^2 - 1, at nodes"),
-    ("/multipliers/lambda_3", "float64", "N", "", "(1.58)",
+    ("/multipliers/lambda_3", "float64", "node", "", "(1.58)",
      "multiplier of d''.g, discretely (u_i - u_{i-1}).g_i / h, at nodes; "
      "lambda_3 - h lambda_2 eta is the field to order 2"),
-    ("/multipliers/lambda_4", "float64", "N", "", "(1.58)",
+    ("/multipliers/lambda_4", "float64", "facet", "", "(1.58)",
      "multiplier of (d' x g).g', discretely (u_i x g_i).g_{i+1} / h, at facets"),
-    ("/multipliers/lambda_5", "float64", "N", "", "(1.58)",
+    ("/multipliers/lambda_5", "float64", "facet", "", "(1.58)",
      "multiplier of b d'.g' - tanh xi, at facets"),
-    ("/multipliers/gamma", "float64", "3", "", "(1.58)",
+    ("/multipliers/gamma", "float64", "xyz", "", "(1.58)",
      "closure force, multiplier of the integral of d'"),
-    ("/geometry/midline", "float64", "N+1 3", "", "(2.17)",
+    ("/geometry/midline", "float64", "vertex xyz", "", "(2.17)",
      "midline's vertices d_1..d_{N+1}, d_{i+1} = d_i + h u_i, in the unit of `length`"),
-    ("/geometry/kappa_s", "float64", "N", "", "(3.1), reading g for g'",
+    ("/geometry/kappa_s", "float64", "node", "", "(3.1), reading g for g'",
      "signed curvature of the midline at nodes"),
-    ("/geometry/tau", "float64", "N", "", "(3.1)",
+    ("/geometry/tau", "float64", "node", "", "(3.1)",
      "torsion of the midline at nodes, kappa_s eta"),
-    ("/geometry/eta", "float64", "N", "", "(3.1)",
+    ("/geometry/eta", "float64", "node", "", "(3.1)",
      "eta = d'.g at nodes, cotangent of the angle from tangent to ruling"),
-    ("/geometry/eta_prime", "float64", "N", "", "(3.1)",
+    ("/geometry/eta_prime", "float64", "facet", "", "(3.1)",
      "eta' = d'.g' at facets"),
 ))
 """Datasets of a state, in the order in which summaries show them."""
@@ -154,15 +215,15 @@ STATE = _items((
 SPECTRUM = _items((
     ("/spectra/METRIC/complete", "bool", "", "", "(2.58)",
      "whether every eigenvalue of the projected Hessian is listed, not only the lowest"),
-    ("/spectra/METRIC/values", "float64", "k", "", "(2.58)",
+    ("/spectra/METRIC/values", "float64", "eigenvalue", "", "(2.58)",
      "eigenvalues of the projected Hessian, ascending"),
-    ("/spectra/METRIC/residuals", "float64", "k", "", "(2.58)",
+    ("/spectra/METRIC/residuals", "float64", "eigenvalue", "", "(2.58)",
      "residuals of the eigenpairs in the dual metric: an eigenvalue lies that near"),
-    ("/spectra/METRIC/labels", "utf-8", "k", "", "",
+    ("/spectra/METRIC/labels", "utf-8", "eigenvalue", "", "",
      "what each mode is: rotation, sliding, checkerboard (of the discretisation) or mode"),
-    ("/spectra/METRIC/sliding_overlap", "float64", "k", "", "",
+    ("/spectra/METRIC/sliding_overlap", "float64", "eigenvalue", "", "",
      "overlap of each mode with sliding the shape along the band, 0 to 1"),
-    ("/spectra/METRIC/vectors", "float64", "m N 7", "o", "(2.58)",
+    ("/spectra/METRIC/vectors", "float64", "mode node unknown", "o", "(2.58)",
      "the lowest m <= k modes, (u, g, xi) per node; absent: not kept"),
 ))
 """Datasets of one spectrum; METRIC is `euclidean` or `physical`."""
@@ -178,7 +239,7 @@ BRANCH = _items((
      "derivative of b by the branch's length, zero at folds"),
     ("/branch/next_step", "float64", "", "", "",
      "length of the step to be tried from here"),
-    ("/branch/tangent", "float64", "N 7", "", "",
+    ("/branch/tangent", "float64", "node unknown", "", "",
      "the branch's unit tangent in (u, g, xi), with `half_width_rate` its component in b"),
     ("/branch/index_before", "int64", "", "os", "",
      "negative eigenvalues just before a fold or branch point; absent: another point, or unknown"),
@@ -188,7 +249,7 @@ BRANCH = _items((
      "lowest eigenvalue in the physical metric, rotations left out; absent: not determined"),
     ("/branch/sliding_overlap", "float64", "", "os", "",
      "overlap with sliding, 0 to 1, of the mode that is soft at a fold or branch point, else of the lowest"),
-    ("/branch/mode", "float64", "N 7", "o", "",
+    ("/branch/soft_mode", "float64", "node unknown", "o", "",
      "the mode in (u, g, xi) that is soft at a fold or branch point, of length one; absent elsewhere"),
 ))
 """Datasets of a point on a branch: all of those that are not optional, or none."""
@@ -200,6 +261,9 @@ PROVENANCE = {
     "blas_threads": "threads that BLAS was allowed by the environment",
     "code_dirty": "1 when the program's working copy had uncommitted changes",
     "code_revision": "revision of the working copy that the program ran from",
+    "config_resolved": "the run's config with every default filled in",
+    "config_sha256": "SHA-256 of the run's config as written",
+    "config_text": "the run's config as written",
     "cpu_seconds": "processor time",
     "git_dirty": "1 when the config's repository had uncommitted changes",
     "git_revision": "revision of the repository that holds the config",
@@ -233,12 +297,20 @@ def provenance_item(key: str, value: str | int | float) -> Item:
 
 def layout_markdown() -> str:
     """Return the table of docs/format.md: one Markdown row for every dataset."""
-    rows = ["| path | type | shape | equation | description |", "|---|---|---|---|---|"]
+    rows = ["| path | type | dimensions | equation | description |", "|---|---|---|---|---|"]
     for item in (*STATE, *SPECTRUM, *BRANCH):
-        shape = "(" + ", ".join(map(str, item.shape)) + (",)" if len(item.shape) == 1 else ")")
+        shape = "(" + ", ".join(item.dims) + (",)" if len(item.dims) == 1 else ")")
         kind = f"{item.dtype}, optional" if item.optional else item.dtype
         description = item.description.replace("|", "\\|")
         rows.append(f"| `{item.path}` | {kind} | {shape} | {item.equation} | {description} |")
     for key, description in PROVENANCE.items():
         rows.append(f"| `/provenance/{key}` | scalar, optional | () | none | {description} |")
+    return "\n".join(rows) + "\n"
+
+
+def dimensions_markdown() -> str:
+    """Return the table of the dimensions in docs/format.md."""
+    rows = ["| scale | size | type | description |", "|---|---|---|---|"]
+    for name, dimension in DIMENSIONS.items():
+        rows.append(f"| `{name}` | {dimension.size} | {dimension.dtype} | {dimension.description} |")
     return "\n".join(rows) + "\n"

@@ -1,7 +1,12 @@
-"""One writer a run: an operating-system lock that ends with its process, and a note of who holds it."""
+"""One writer a run: an operating-system lock that ends with its process, and a note of who holds it.
+
+Where the file system has no such locks, a file that only one process can create stands in for it. That one
+outlives a killed process, so that a later writer must find out whether its holder is alive.
+"""
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import socket
@@ -10,8 +15,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ribbon_cli.errors import LockedError, StoreError
-from ribbon_cli.store.atomic import write_atomic, write_error
+from ribbon_cli.errors import LockedError
+from ribbon_cli.store.atomic import write_atomic, write_durable, write_error
 from ribbon_cli.store.log import utc_now
 
 if TYPE_CHECKING:
@@ -19,52 +24,124 @@ if TYPE_CHECKING:
 
 LOCK = "lock"
 HOLDER = "lock.holder"
-_PATIENCE = 0.5
+CLAIM = "lock.claim"
+_PATIENCE = 2.0
 """Seconds for which a new holder may still be about to write its note."""
+_NO_LOCKS = {errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOLCK, errno.EINVAL}
+
+Note = dict[str, Any]
 
 
 class RunLock:
     """The lock of a run's folder; `folder` follows the run when it is renamed under the lock.
 
-    The note of pid and host is only ever read by those who fail to get the lock: a note left by a killed
-    process means nothing, since its lock ended with it.
+    `lock` is locked by flock, and `lock.holder` is a note for people: left by a killed process it means
+    nothing, since the lock ended with it. Without flock, `lock.claim` is lock and note in one. Whoever locks
+    by flock respects a claim too, since another machine may see the same folder without flock.
     """
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self._lock: BaseFileLock | None = None
+        self._claimed = False
 
-    def acquire(self) -> None:
-        """Take the lock without waiting. Raises LockedError naming the holder; StoreError."""
-        from filelock import FileLock, Timeout
+    @property
+    def held(self) -> bool:
+        """Whether this object holds the lock."""
+        return self._lock is not None or self._claimed
 
-        lock = FileLock(self.folder / LOCK, timeout=0, thread_local=False)
+    def acquire(self) -> list[str]:
+        """Take the lock without waiting; return remarks on locks that were left behind, or are of the weaker
+        kind.
+
+        Raises LockedError naming the holder; StoreError when the folder cannot be written.
+        """
         try:
             before = os.stat(self.folder).st_ino
-            lock.acquire()
-        except Timeout:
-            raise LockedError(self._describe_holder()) from None
-        except NotImplementedError as error:
-            raise StoreError(
-                f"{self.folder}: its file system has no locks: choose another with --runs"
-            ) from error
+            remarks = self._by_flock() or self._by_claim()
         except OSError as error:
             raise write_error(self.folder / LOCK, error) from error
-        self._lock = lock
         try:
             # The folder may have been set aside, and another put in its place, before the lock was ours.
             if not self.folder.is_dir() or os.stat(self.folder).st_ino != before:
                 raise LockedError(
                     f"{self.folder.name}: just set aside by another process: repeat the command"
                 )
-            holder = {"pid": os.getpid(), "host": socket.gethostname(), "since": utc_now()}
-            write_atomic(self.folder / HOLDER, json.dumps(holder).encode() + b"\n", overwrite=True)
+            if self._lock is not None:
+                remarks = self._left_behind(remarks)
+                write_atomic(self.folder / HOLDER, _note(), overwrite=True)
         except BaseException:
             self.release()
             raise
+        return [remark for remark in remarks if remark]
+
+    def _by_flock(self) -> list[str]:
+        """Lock by flock; return an empty list where the file system has none. Raises LockedError, OSError."""
+        from filelock import Timeout
+
+        lock = _file_lock(self.folder / LOCK)
+        try:
+            lock.acquire()
+        except Timeout:
+            raise LockedError(self._describe_holder()) from None
+        except NotImplementedError:
+            return []
+        except OSError as error:
+            if error.errno in _NO_LOCKS:
+                return []
+            raise
+        self._lock = lock
+        return [""]
+
+    def _by_claim(self) -> list[str]:
+        """Lock by creating a file. Raises LockedError, OSError."""
+        remarks = [f"{self.folder.name}: its file system has no flock: locked by the file {CLAIM} instead"]
+        remarks += self._drop_stale_claim()
+        try:
+            write_durable(self.folder / CLAIM, _note())
+        except FileExistsError:
+            raise LockedError(self._describe_holder()) from None
+        self._claimed = True
+        return remarks
+
+    def _left_behind(self, remarks: list[str]) -> list[str]:
+        """Remarks on what the last holder left.
+
+        Raises LockedError where a claim may be of a living process.
+        """
+        claim = self._drop_stale_claim()
+        if os.path.lexists(self.folder / CLAIM):
+            raise LockedError(self._describe_holder())
+        note = self._read(HOLDER)
+        left = f"{self.folder.name}: {_person(note)} ended without letting go of the run" if note else ""
+        return [*remarks, *claim, left]
+
+    def _drop_stale_claim(self) -> list[str]:
+        """Remove a claim of a process of this machine that has ended. Raises OSError."""
+        path = self.folder / CLAIM
+        note = self._read(CLAIM)
+        if not note or _living(note):
+            return []
+        # Taken away under another name first: if it is a newer claim by now, it goes back.
+        taken = path.with_name(f"{CLAIM}.stale-{os.getpid()}")
+        try:
+            os.rename(path, taken)
+        except FileNotFoundError:
+            return []
+        if self._read(taken.name) != note:
+            with suppress(OSError):
+                os.link(taken, path)
+            os.unlink(taken)
+            return []
+        os.unlink(taken)
+        return [f"{self.folder.name}: removed the lock of {_person(note)}, which has ended"]
 
     def release(self) -> None:
         """Give the lock back; does nothing when it is not held."""
+        if self._claimed:
+            with suppress(OSError):
+                os.unlink(self.folder / CLAIM)
+            self._claimed = False
         if self._lock is None:
             return
         with suppress(OSError):
@@ -73,44 +150,89 @@ class RunLock:
             self._lock.release(force=True)
         self._lock = None
 
-    @property
-    def held(self) -> bool:
-        """Whether this object holds the lock."""
-        return self._lock is not None
+    def holder(self) -> Note:
+        """Note of the process that holds the lock, as far as its note tells; empty if none does."""
+        for name in (CLAIM, HOLDER):
+            note = self._read(name)
+            if note and _living(note):
+                return note
+        return {}
 
     def _describe_holder(self) -> str:
         """One line that names the process which holds the lock, and what to do."""
         deadline = time.monotonic() + _PATIENCE
-        holder = self._read_holder()
-        while not _plausible(holder) and time.monotonic() < deadline:
+        note = self.holder()
+        while not note and time.monotonic() < deadline:
             time.sleep(0.02)
-            holder = self._read_holder()
-        if not _plausible(holder):
-            return f"{self.folder.name}: locked by another process: wait until it ends, or stop it"
-        return (
-            f"{self.folder.name}: locked by process {holder['pid']} on {holder['host']}"
-            f" since {holder['since']}: wait until it ends, or stop it"
-        )
+            note = self.holder()
+        wait = "wait until it ends, or stop it"
+        claim = self.folder / CLAIM
+        if claim.exists():
+            wait += f" (if it has ended already, remove {claim})"
+        who = _person(note) if note else "another process"
+        return f"{self.folder.name}: locked by {who}: {wait}"
 
-    def _read_holder(self) -> dict[str, Any]:
-        """Return the note of the holder, empty when there is none or it is no note."""
+    def _read(self, name: str) -> Note:
+        """Return a note, empty when there is none or it is no note."""
         try:
-            holder = json.loads((self.folder / HOLDER).read_bytes())
-        except (OSError, ValueError):
+            note = json.loads((self.folder / name).read_bytes())
+        except (OSError, ValueError, RecursionError):
             return {}
-        return holder if isinstance(holder, dict) and {"pid", "host", "since"} <= holder.keys() else {}
+        return note if isinstance(note, dict) and {"pid", "host", "since"} <= note.keys() else {}
 
 
-def _plausible(holder: dict[str, Any]) -> bool:
-    """Whether a note can be of a living process: one of this host with a dead pid was left by a kill."""
-    if not holder:
-        return False
-    if holder["host"] != socket.gethostname():
+def _file_lock(path: Path) -> BaseFileLock:
+    """filelock's lock, told not to replace flock by a weaker lock without saying so."""
+    from filelock import FileLock
+
+    options: dict[str, Any] = {"timeout": 0, "thread_local": False}
+    try:
+        return FileLock(path, **options, fallback_to_soft=False)
+    except TypeError:  # older ones never do
+        return FileLock(path, **options)
+
+
+def _note() -> bytes:
+    """The note of this process."""
+    note = {
+        "pid": os.getpid(),
+        "host": socket.gethostname(),
+        "since": utc_now(),
+        "start": _start(os.getpid()),
+    }
+    return json.dumps(note).encode() + b"\n"
+
+
+def _person(note: Note) -> str:
+    """A holder in words, on one line whatever its note says."""
+    words = f"process {note['pid']} on {note['host']} since {note['since']}"
+    return "".join(c if c.isprintable() else "?" for c in words)[:300]
+
+
+def _start(pid: int) -> str | None:
+    """What tells a process from a later one with the same pid: the boot, and the moment of its start after
+    it.
+    """
+    try:
+        fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+        boot = Path("/proc/sys/kernel/random/boot_id").read_text().strip()
+    except (OSError, ValueError):
+        return None
+    return f"{boot} {fields[19]}"
+
+
+def _living(note: Note) -> bool:
+    """Whether a note can be of a living process; of another machine's nothing is known, which counts as
+    living.
+    """
+    if note["host"] != socket.gethostname():
         return True
     try:
-        os.kill(int(holder["pid"]), 0)
+        pid = int(note["pid"])
+        os.kill(pid, 0)
     except ProcessLookupError:
         return False
-    except (OSError, ValueError, OverflowError):
+    except (OSError, ValueError, OverflowError, TypeError):
         return True
-    return True
+    start = _start(pid)
+    return start is None or note.get("start") is None or note["start"] == start

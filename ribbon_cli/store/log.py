@@ -1,7 +1,9 @@
 """A run's append-only log: one JSON object a line, each with its own checksum.
 
 A line counts once its line feed is there: what a kill or a full disk leaves after the last one is
-ignored by readers and cut off by the next writer. Damage anywhere else is an error.
+ignored by readers and cut off by the next writer. So is a last line with zero bytes in it, which JSON never
+has: a power cut leaves those where a file has grown and not all of its new blocks were written. Damage
+anywhere else is an error.
 """
 
 from __future__ import annotations
@@ -49,7 +51,10 @@ def parse_line(line: bytes) -> dict[str, Any]:
     body = line[:-_TAIL] + b"}"
     if line[-_TAIL:] != f',"crc32":"{zlib.crc32(body):08x}"}}'.encode():
         raise ValueError("its checksum does not match")
-    entry = json.loads(body)
+    try:
+        entry = json.loads(body)
+    except RecursionError:
+        raise ValueError("it is nested too deeply") from None
     if not isinstance(entry, dict) or not isinstance(entry.get("event"), str):
         raise ValueError("it is not an event")
     return entry
@@ -57,30 +62,66 @@ def parse_line(line: bytes) -> dict[str, Any]:
 
 def _unreadable(path: Path, error: OSError) -> StoreError:
     """One line for a log that cannot be read."""
-    return StoreError(f"{path}: cannot be read: {error.strerror}; `solve --fresh` starts over, keeping it")
+    return StoreError(f"{path}: cannot be read: {error.strerror}; {_advice(path)}")
 
 
-def read_lines(path: Path) -> list[bytes]:
-    """Return the log's complete lines. Raises StoreError when there is no log to read."""
+def _advice(path: Path) -> str:
+    """What to do about a damaged log."""
+    return f"`ribbon repair {path.parent.name}` rebuilds it"
+
+
+def read_lines(path: Path, start: int = 0) -> list[bytes]:
+    """Return the log's complete lines from an offset on. Raises StoreError when there is no log to read."""
     try:
         with open(path, "rb") as file:
+            file.seek(start)
             data = file.read()
     except OSError as error:
         raise _unreadable(path, error) from error
     return data.split(b"\n")[:-1]
 
 
+class LogReader:
+    """A log's entries, of which only those are read that were appended since they were last asked for."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._entries: list[dict[str, Any]] = []
+        self._end = 0
+        self._seen: tuple[int, int, int] | None = None
+
+    def entries(self) -> list[dict[str, Any]]:
+        """Return the entries in order; not to be changed. Raises StoreError for a damaged line, naming it."""
+        try:
+            found = os.stat(self.path)
+        except OSError as error:
+            raise _unreadable(self.path, error) from error
+        seen = (found.st_ino, found.st_size, found.st_mtime_ns)
+        if seen != self._seen:
+            grown = self._seen is not None and seen[0] == self._seen[0] and seen[1] > self._seen[1]
+            self._seen = None
+            if not grown:
+                self._entries, self._end = [], 0
+            self._read_on()
+            self._seen = seen
+        return self._entries
+
+    def _read_on(self) -> None:
+        lines = read_lines(self.path, self._end)
+        for line in lines[:-1] if lines and b"\0" in lines[-1] else lines:
+            number = len(self._entries) + 1
+            try:
+                self._entries.append(parse_line(line))
+            except ValueError as error:
+                raise StoreError(
+                    f"{self.path}:{number}: damaged line: {error}; {_advice(self.path)}"
+                ) from error
+            self._end += len(line) + 1
+
+
 def read_log(path: Path) -> list[dict[str, Any]]:
     """Return the log's entries in order. Raises StoreError for a damaged line, naming it."""
-    entries = []
-    for number, line in enumerate(read_lines(path), start=1):
-        try:
-            entries.append(parse_line(line))
-        except ValueError as error:
-            raise StoreError(
-                f"{path}:{number}: damaged line: {error}; `solve --fresh` starts over, keeping it"
-            ) from error
-    return entries
+    return LogReader(path).entries()
 
 
 def salvage_log(path: Path) -> tuple[list[dict[str, Any]], int]:
@@ -143,6 +184,9 @@ def _cut(descriptor: int) -> tuple[bool, int]:
     """Cut an open log behind its last line feed; return whether that took anything, and the size left."""
     size = os.fstat(descriptor).st_size
     end = _end_of_last_line(descriptor, size)
+    before = _end_of_last_line(descriptor, end - 1)
+    if b"\0" in os.pread(descriptor, end - before, before):
+        end = before
     if end < size:
         os.ftruncate(descriptor, end)
         os.fsync(descriptor)

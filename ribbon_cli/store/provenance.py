@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import platform
+import re
 import shlex
 import socket
 import subprocess
@@ -13,13 +15,14 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from ribbon_cli.store.folder import CONFIG, RESOLVED
 from ribbon_cli.store.log import utc_now
 
 Facts = dict[str, str | int | float]
 
-PACKAGES = ("numpy", "scipy", "h5py", "qdldl", "click", "filelock")
 _THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS", "BLIS_NUM_THREADS")
 _GIT_SECONDS = 2.0
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*")
 
 
 def gather(argv: Sequence[str], config_folder: str | Path | None = None, **given: str | int | float) -> Facts:
@@ -51,19 +54,36 @@ def _process_facts() -> Facts:
     return facts
 
 
+def config_facts(run: Path) -> Facts:
+    """The config of a run's folder as written and as resolved, and the hash of the former; what cannot be
+    read is left out.
+    """
+    facts: Facts = {}
+    for name, key in ((CONFIG, "config_text"), (RESOLVED, "config_resolved")):
+        with suppress(OSError, ValueError):
+            data = (run / name).read_bytes()
+            facts[key] = data.decode()
+            if name == CONFIG:
+                facts["config_sha256"] = hashlib.sha256(data).hexdigest()
+    return facts
+
+
 def _machine() -> Facts:
     """Machine and operating system."""
     return {"hostname": socket.gethostname(), "machine": platform.machine(), "platform": platform.platform()}
 
 
 def _versions() -> Facts:
-    """Versions of Python and of the packages that results depend on."""
+    """Versions of Python, of this package, and of all that it requires."""
     import importlib.metadata
 
     facts: Facts = {"version_python": platform.python_version()}
-    for package in ("ribbon", *PACKAGES):
+    required = importlib.metadata.requires("ribbon") or []
+    names = [_NAME.match(line) for line in required if "extra ==" not in line]
+    for package in ("ribbon", *(name[0] for name in names if name)):
         with suppress(importlib.metadata.PackageNotFoundError):
-            facts[f"version_{package}"] = importlib.metadata.version(package)
+            key = re.sub(r"[^a-z0-9]+", "_", package.lower())
+            facts[f"version_{key}"] = importlib.metadata.version(package)
     return facts
 
 

@@ -71,8 +71,8 @@ class BranchRecord:
     """What a state is on its branch, a curve of stationary points with b as an unknown.
 
     `tangent` (N, 7) in (u, g, xi) and `half_width_rate` make the unit tangent; lengths are those of
-    arclength continuation. `index_before`, `index_after`, `mode` (N, 7) and `sliding_overlap` are explained
-    in layout.py. Raises ValueError for an unknown type.
+    arclength continuation. layout.py explains `index_before`, `index_after`, `soft_mode` (N, 7) and
+    `sliding_overlap`. Raises ValueError for an unknown type.
     """
 
     name: str
@@ -85,12 +85,12 @@ class BranchRecord:
     index_after: int | None = None
     lowest_eigenvalue: float | None = None
     sliding_overlap: float | None = None
-    mode: Array | None = None
+    soft_mode: Array | None = None
 
     def __post_init__(self) -> None:
         if self.type not in POINT_TYPES:
             raise ValueError(f"type must be one of {', '.join(POINT_TYPES)}, got {self.type!r}")
-        _to_float64(self, ("tangent",) if self.mode is None else ("tangent", "mode"))
+        _to_float64(self, ("tangent",) if self.soft_mode is None else ("tangent", "soft_mode"))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -98,8 +98,9 @@ class StateRecord:
     """One stored state with everything that is known of it; see docs/format.md for every field.
 
     `label` counts 1, 2, 3, ... in the order stored. `g_end` (3,) is the ruling g_{N+1}: sigma g_1 when the
-    seam is closed, prescribed while it is open. `cut_node` and `g_cut` (3,) belong to bands in two
-    pieces alone. `spectra` are kept in the order of their metrics' names.
+    seam is closed, prescribed while it is open (`seam_open`; None means closed). `prescribed` (N,) marks
+    rulings that an auxiliary problem holds; None means none. `cut_node` and `g_cut` (3,) belong to bands in
+    two pieces alone. `spectra` are kept in the order of their metrics' names.
     `provenance` says which program made the state, where and when; it is no part of the scientific content.
     Raises ValueError for an unknown kind, a label below 1 or two spectra in one metric.
     """
@@ -151,6 +152,8 @@ class StateRecord:
     method: str = ""
     newton_steps: int = 0
     events: tuple[str, ...] = ()
+    prescribed: NDArray[np.bool_] | None = None
+    seam_open: bool | None = None
     provenance: Mapping[str, str | int | float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -166,3 +169,7 @@ class StateRecord:
         _to_float64(self, _UNKNOWNS + _MULTIPLIERS + _GEOMETRY)
         if self.g_cut is not None:
             _to_float64(self, ("g_cut",))
+        if self.prescribed is not None:
+            import numpy as np
+
+            object.__setattr__(self, "prescribed", np.ascontiguousarray(self.prescribed, dtype=np.bool_))

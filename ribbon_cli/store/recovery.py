@@ -5,8 +5,10 @@ Both need the run's lock. Nothing that might be a state is ever deleted.
 
 from __future__ import annotations
 
+import hashlib
 import itertools
 import os
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +26,9 @@ from ribbon_cli.store.folder import (
     state_name,
 )
 from ribbon_cli.store.hdf5 import decode_bytes, read_bytes
+from ribbon_cli.store.preamble import check_seal
+from ribbon_cli.store.record import StateRecord
+from ribbon_cli.store.summaries import describe
 
 
 def sweep(folder: Path) -> list[str]:
@@ -47,11 +52,21 @@ def sweep(folder: Path) -> list[str]:
     known = {entry["state"]["label"] for entry in log.read_log(folder / LOG) if entry["event"] == "state"}
     adopted, more = _adopt(folder, known)
     notes += more
+    _require_files(folder, known)
     if notes:
-        log.append_log(
-            folder / LOG, [*adopted, {"event": "recovered", "time": log.utc_now(), "notes": notes}]
-        )
+        # One by one: each is whole, or the last.
+        for entry in [*adopted, {"event": "recovered", "time": log.utc_now(), "notes": notes}]:
+            log.append_log(folder / LOG, [entry])
     return notes
+
+
+def _require_files(folder: Path, known: set[int]) -> None:
+    """Refuse to go on where a committed state's file is gone. Raises StoreError."""
+    for label in sorted(known - _files(folder).keys())[:1]:
+        raise StoreError(
+            f"{folder / state_name(label)}: missing, though it was committed; "
+            f"`ribbon repair {folder.name}` marks it as lost, and it will be computed again"
+        )
 
 
 def _adopt(folder: Path, known: set[int]) -> tuple[list[dict[str, Any]], list[str]]:
@@ -63,12 +78,8 @@ def _adopt(folder: Path, known: set[int]) -> tuple[list[dict[str, Any]], list[st
         try:
             entries.append(_entry_from_file(label, path))
             notes.append(f"adopted state {label}")
-        except StoreError as error:
-            target = _unused(path, "damaged")
-            try:
-                os.rename(path, target)
-            except OSError as failure:
-                raise write_error(target, failure) from failure
+        except ValueError as error:
+            target = _put_aside(path)
             notes.append(f"renamed {path.name} to {target.name}: {error}")
     return entries, notes
 
@@ -82,12 +93,18 @@ def _files(folder: Path) -> dict[int, Path]:
 
 
 def _entry_from_file(label: int, path: Path) -> dict[str, Any]:
-    """Entry, marked as adopted, for a state that has none. Raises StoreError unless its file is whole."""
-    data = read_bytes(path)
-    record = decode_bytes(data, str(path))
-    if record.label != label:
-        raise StoreError(f"{path}: holds state {record.label}")
-    return state_entry(record, data) | {"adopted": True}
+    """Entry, marked as adopted, for a state that has none.
+
+    The seal in its head vouches for the file; one of 1.0, without, is read. Raises ValueError unless it is
+    whole, StoreError where it cannot be read now.
+    """
+    data = _read(path)
+    state = check_seal(data)
+    if state is None:
+        state = describe(_decoded(data, path))
+    if state.get("label") != label or not isinstance(state.get("content_sha256"), str):
+        raise ValueError(f"it holds state {state.get('label')}")
+    return state_entry(state, data) | {"adopted": True}
 
 
 def _unused(path: Path, word: str) -> Path:
@@ -96,39 +113,127 @@ def _unused(path: Path, word: str) -> Path:
     return next(name for name in names if not os.path.lexists(name))
 
 
-def rebuild(folder: Path) -> list[str]:
-    """Rebuild a run's log from its states, and return a line for each thing done.
+def repair(folder: Path) -> list[str]:
+    """Bring a run's folder to order after damage, and return a line for each thing done; nothing is deleted.
 
-    Lines that can be read are kept; a state without one is adopted as in `sweep`; a state without a file
-    becomes an event `state-lost`. A line whose state's file differs from it stays: what was committed is
-    known, and reading the state goes on saying that it is damaged. The old log is kept as log.jsonl.old-K;
-    a log that is in order is left alone. Raises StoreError.
+    Config files that are missing or changed are restored from what the states keep of them. State files that
+    are not the committed ones are renamed to *.damaged-K, and marked as lost in the log, as are missing ones;
+    whole ones that the log does not name are adopted as in `sweep`. Lines of the log that can be read are
+    kept, but for those that do not agree with their state's file. The old log is kept as log.jsonl.old-K;
+    what is in order is left alone. Raises StoreError.
     """
     path = folder / LOG
     entries, unreadable = log.salvage_log(path)
     notes = [f"dropped {unreadable} damaged lines of the log"] if unreadable else []
-    if not any(entry["event"] == "created" for entry in entries):
+    created = next((entry for entry in entries if entry["event"] == "created"), None)
+    notes += _restore_config(folder, created.get("files", {}) if created else {})
+    if created is None:
         entries.insert(0, created_entry(_config_files(folder)) | {"rebuilt": True})
         notes.append("made a new first line of the log")
-    known = {entry["state"]["label"] for entry in entries if entry["event"] == "state"}
+    kept = []
+    for entry in entries:
+        entry, note = _checked_entry(folder, entry)
+        kept.append(entry)
+        notes += [note] if note else []
+    known = {entry["state"]["label"] for entry in kept if entry["event"] == "state"}
     adopted, more = _adopt(folder, known)
-    lost = known - _files(folder).keys()
-    notes += more + [f"{state_name(label)} is missing: marked as lost" for label in sorted(lost)]
+    notes += more
     if notes:
-        entries = [_lost(entry) if _names(entry, lost) else entry for entry in entries]
         done = {"event": "rebuilt", "time": log.utc_now(), "notes": notes}
-        _replace(path, [*entries, *adopted, done])
+        _replace(path, [*kept, *adopted, done])
     return notes
 
 
-def _names(entry: dict[str, Any], labels: set[int]) -> bool:
-    """Whether an entry is on one of the states."""
-    return entry["event"] == "state" and entry["state"]["label"] in labels
+def _checked_entry(folder: Path, entry: dict[str, Any]) -> tuple[dict[str, Any], str]:
+    """An entry as it should be, and a note where that is another; a state's file is put aside if damaged."""
+    if entry["event"] != "state":
+        return entry, ""
+    label = entry["state"]["label"]
+    path = folder / state_name(label)
+    if not os.path.lexists(path):
+        lost = {**entry, "event": "state-lost", "label": label, "reason": "its file is missing"}
+        return lost, f"{state_name(label)} is missing: marked as lost"
+    try:
+        data = _read(path)
+        if hashlib.sha256(data).hexdigest() != entry["sha256"]:
+            raise ValueError("not the bytes that were committed")
+        state = check_seal(data) or describe(_decoded(data, path))
+        if state == entry["state"]:
+            return entry, ""
+        return state_entry(state, data) | {"time": entry["time"]}, f"wrote the line on state {label} anew"
+    except ValueError as error:
+        target = _put_aside(path)
+        lost = {**entry, "event": "state-lost", "label": label, "reason": f"damaged, now {target.name}"}
+        return lost, f"renamed {path.name} to {target.name}: {error}"
 
 
-def _lost(entry: dict[str, Any]) -> dict[str, Any]:
-    """Entry in place of that of a state whose file is gone."""
-    return {**entry, "event": "state-lost", "label": entry["state"]["label"]}
+def _read(path: Path) -> bytes:
+    """Bytes of a state's file.
+
+    A file must never be taken for damaged because of a passing failure: too many open files, a disk that is
+    away. Raises ValueError for what is no file of that size, StoreError where reading fails.
+    """
+    try:
+        return read_bytes(path)
+    except StoreError as error:
+        if isinstance(error.__cause__, OSError):
+            raise
+        raise ValueError(str(error)) from error
+
+
+def _decoded(data: bytes, path: Path) -> StateRecord:
+    """The record of a file of format 1.0. Raises ValueError."""
+    try:
+        return decode_bytes(data, str(path))
+    except StoreError as error:
+        raise ValueError(str(error)) from error
+
+
+def _put_aside(path: Path) -> Path:
+    """Rename a damaged file to *.damaged-K. Raises StoreError."""
+    target = _unused(path, "damaged")
+    try:
+        os.rename(path, target)
+    except OSError as error:
+        raise write_error(target, error) from error
+    return target
+
+
+def _restore_config(folder: Path, committed: Mapping[str, str]) -> list[str]:
+    """Write config files anew that are missing or not those `committed`, from what a state's provenance
+    keeps.
+    """
+    notes = []
+    for name, key in ((CONFIG, "config_text"), (RESOLVED, "config_resolved")):
+        path, wanted = folder / name, committed.get(name)
+        there = read_bytes(path) if path.is_file() else None
+        if there is not None and (wanted is None or hashlib.sha256(there).hexdigest() == wanted):
+            continue
+        text = _kept_text(folder, key, wanted)
+        if text is None:
+            if there is None:
+                notes.append(f"{name} is missing, and no state keeps it")
+            continue
+        if there is not None:
+            _put_aside(path)
+        write_atomic(path, text)
+        notes.append(f"restored {name} from a state's provenance")
+    return notes
+
+
+def _kept_text(folder: Path, key: str, wanted: str | None) -> bytes | None:
+    """A config file's text from the provenance of the first state that keeps the right one, None if none
+    does.
+    """
+    for path in _files(folder).values():
+        try:
+            text = decode_bytes(read_bytes(path), str(path)).provenance.get(key)
+        except StoreError:
+            continue
+        data = text.encode() if isinstance(text, str) else None
+        if data is not None and (wanted is None or hashlib.sha256(data).hexdigest() == wanted):
+            return data
+    return None
 
 
 def _config_files(folder: Path) -> dict[str, bytes]:

@@ -65,6 +65,13 @@ def find_run(root: str | Path, text: str) -> Run:
     raise UsageError(f"no run {text!r} in {root}{near or ': it has ' + _join(run.name for run in runs)}")
 
 
+def names_state(ref: str) -> bool:
+    """Whether a reference is to a state rather than a run."""
+    if os.path.isdir(ref):
+        return False
+    return ":" in ref or "@" in ref or ref.endswith(_FILES) or os.path.isfile(ref)
+
+
 def resolve_state(root: str | Path, ref: str) -> tuple[Run | None, int | None, Path]:
     """Return run, label and file of the state that a reference names.
 
@@ -91,6 +98,18 @@ def resolve_state(root: str | Path, ref: str) -> tuple[Run | None, int | None, P
         has = f"{min(labels)} to {max(labels)}" if labels else "none yet"
         raise UsageError(f"{run.name} has no state {label}: its labels are {has}")
     return run, label, run.state_path(label)
+
+
+def find_states(root: str | Path, ref: str, all: bool = False) -> tuple[Run, list[dict[str, Any]]]:
+    """Return a run and the summaries of its equilibria, or of `all` its states: those that `ref` names.
+
+    `ref` is a run, or RUN@b=0.5,N=400 with either part left out. Raises UsageError.
+    """
+    name, at, query = ref.partition("@")
+    wanted = _parse_query(ref, query) if at else {}
+    run = find_run(root, name)
+    states = [state for state in run.states(all=all) if _has_width(state, wanted.get("b"))]
+    return run, [state for state in states if state["segments"] == wanted.get("N", state["segments"])]
 
 
 def _from_path(path: Path) -> tuple[Run | None, int | None, Path]:

@@ -17,7 +17,7 @@ from typing import Any
 
 from ribbon_cli.errors import StoreError, UsageError
 from ribbon_cli.store import log
-from ribbon_cli.store.atomic import sync_folder, write_atomic, write_error
+from ribbon_cli.store.atomic import TEMPORARY, sync_folder, write_atomic, write_error
 from ribbon_cli.store.folder import (
     CONFIG,
     LOG,
@@ -27,6 +27,7 @@ from ribbon_cli.store.folder import (
     create,
     is_run,
     label_of,
+    remove,
     remove_abandoned,
     state_entry,
     state_name,
@@ -34,8 +35,9 @@ from ribbon_cli.store.folder import (
 from ribbon_cli.store.hdf5 import decode_bytes, encode, read_bytes
 from ribbon_cli.store.lock import RunLock
 from ribbon_cli.store.record import StateRecord
-from ribbon_cli.store.recovery import rebuild, sweep
-from ribbon_cli.store.summaries import summary
+from ribbon_cli.store.recovery import repair, sweep
+from ribbon_cli.store.stored import StoredRecord
+from ribbon_cli.store.summaries import agrees, describe, summary
 
 _NAME = re.compile(r"\w[\w.-]*")
 _HASH = re.compile(r"[0-9a-f]{8}")
@@ -48,14 +50,20 @@ class Run:
     def __init__(self, path: Path) -> None:
         self.path = path
         self._lock = RunLock(path)
+        self._log = log.LogReader(path / LOG)
+        self._events: list[dict[str, Any]] = []
+        self._entries: dict[int, dict[str, Any]] = {}
+        self._indexed = 0
         self._next = 0
+        self.remarks: list[str] = []
+        """What the last `writing()` found left by others, and did about it."""
 
     @classmethod
     def open(cls, path: str | Path) -> Run:
         """Open an existing run. Raises UsageError when the folder is not one."""
         path = Path(path)
         if not is_run(path):
-            raise UsageError(f"{path}: not a run folder (it has no {RESOLVED})")
+            raise UsageError(f"{path}: not a run folder (it has neither {RESOLVED} nor {LOG})")
         return cls(path)
 
     @classmethod
@@ -117,6 +125,10 @@ class Run:
         path = Path(path)
         return label_of(path) if path.resolve().parent == (self.path / STATES).resolve() else None
 
+    def holder(self) -> dict[str, Any]:
+        """Who writes to the run now, as pid, host and since; empty if nobody does. Takes no lock."""
+        return self._lock.holder()
+
     # Reading
 
     def events(self) -> list[dict[str, Any]]:
@@ -124,19 +136,38 @@ class Run:
 
         Raises StoreError for a damaged log, or a run of a newer format.
         """
-        entries = log.read_log(self.log_path)
-        for entry in entries:
-            version = str(entry.get("format_version", RUN_FORMAT_VERSION))
-            if entry["event"] == "created" and version.split(".")[0] != RUN_FORMAT_VERSION.split(".")[0]:
+        if self._log.path != self.log_path:
+            self._log = log.LogReader(self.log_path)
+        events = self._log.entries()
+        if events is not self._events:
+            self._events, self._entries, self._indexed = events, {}, 0
+        for event in events[self._indexed :]:
+            self._take_in(event)
+        self._indexed = len(events)
+        return events
+
+    def _take_in(self, event: dict[str, Any]) -> None:
+        """Index an event of the log. Raises StoreError for a run of a newer format."""
+        if event["event"] == "state":
+            label = event["state"]["label"]
+            later = bool(self._entries) and next(reversed(self._entries)) > label
+            self._entries[label] = event
+            if later:  # a state that was adopted after others
+                self._entries = dict(sorted(self._entries.items()))
+        elif event["event"] == "created":
+            version = str(event.get("format_version", RUN_FORMAT_VERSION))
+            if version.split(".")[0] != RUN_FORMAT_VERSION.split(".")[0]:
                 raise StoreError(
                     f"{self.path}: run of format {version}, this is {RUN_FORMAT_VERSION}: update ribbon"
                 )
-        return entries
 
     def entries(self) -> dict[int, dict[str, Any]]:
-        """The log's entry of every state by label, ascending. Raises StoreError as `events` does."""
-        found = {entry["state"]["label"]: entry for entry in self.events() if entry["event"] == "state"}
-        return dict(sorted(found.items()))
+        """The log's entry of every state by label, ascending; not to be changed.
+
+        Raises StoreError as `events` does.
+        """
+        self.events()
+        return self._entries
 
     def states(self, all: bool = False) -> list[dict[str, Any]]:
         """Summaries of the equilibria, or of all states, in the order reached; opens no state file."""
@@ -149,7 +180,27 @@ class Run:
         Raises UsageError for a label that the run does not have, StoreError when the file is not the one
         committed.
         """
-        return self._load(label, self.entries())
+        return self.load_entry(label, self._entry(label))
+
+    def look_up(self, label: int) -> StateRecord:
+        """A state whose file is taken apart only when more than its summary is asked for.
+
+        Raises UsageError, StoreError where the file is not what was committed.
+        """
+        entry = self._entry(label)
+        self.committed_bytes(label, entry)
+        return StoredRecord.of(entry["state"], lambda: self.load_entry(label, entry))
+
+    def _entry(self, label: int) -> dict[str, Any]:
+        """The log's entry of a state.
+
+        Raises UsageError for a label that the run does not have, StoreError.
+        """
+        entries = self.entries()
+        if label not in entries:
+            has = f"labels {min(entries)} to {max(entries)}" if entries else "no states yet"
+            raise UsageError(f"{self.name}: no state {label}; the run has {has}")
+        return entries[label]
 
     def damage(self, labels: Iterable[int]) -> dict[int, str]:
         """Which of these states' files are `missing` or, by their hash, `damaged`; HDF5 sees none of them.
@@ -170,28 +221,29 @@ class Run:
 
     def check_file(self, label: int) -> None:
         """Check a state's file against the log and the log's summary against the file. Raises StoreError."""
-        entries = self.entries()
-        record = self._load(label, entries)
-        if summary(record) != summary(entries[label]):
+        entry = self._entry(label)
+        record = self.load_entry(label, entry)
+        if not agrees(entry["state"], record):
             raise StoreError(
                 f"{self.log_path}: its line on state {label} is not what {self.state_path(label)} holds"
             )
 
-    def _load(self, label: int, entries: dict[int, dict[str, Any]]) -> StateRecord:
-        """Read a state whose entry is among `entries`; the hash is checked before HDF5 sees a byte."""
-        if label not in entries:
-            has = f"labels {min(entries)} to {max(entries)}" if entries else "no states yet"
-            raise UsageError(f"{self.name}: no state {label}; the run has {has}")
+    def load_entry(self, label: int, entry: dict[str, Any]) -> StateRecord:
+        """Read the state of an entry; its hash is checked before HDF5 sees a byte. Raises StoreError."""
         path = self.state_path(label)
-        data = read_bytes(path)
-        if hashlib.sha256(data).hexdigest() != entries[label]["sha256"]:
-            raise StoreError(
-                f"{path}: damaged: not the bytes that were committed; `solve --fresh` starts over, keeping it"
-            )
-        record = decode_bytes(data, str(path))
+        record = decode_bytes(self.committed_bytes(label, entry), str(path))
         if record.label != label:
             raise StoreError(f"{path}: damaged: it holds state {record.label}")
         return record
+
+    def committed_bytes(self, label: int, entry: dict[str, Any]) -> bytes:
+        """Bytes of a state's file. Raises StoreError where they are not those that were committed."""
+        path = self.state_path(label)
+        data = read_bytes(path)
+        if hashlib.sha256(data).hexdigest() != entry["sha256"]:
+            advice = f"`ribbon repair {self.name}` puts it aside"
+            raise StoreError(f"{path}: damaged: not the bytes that were committed; {advice}")
+        return data
 
     # Writing
 
@@ -205,9 +257,14 @@ class Run:
             yield self
             return
         with self._locked():
-            sweep(self.path)
+            self.remarks += sweep(self.path)
             self._next = self._find_next_label()
             yield self
+
+    @property
+    def has_leftovers(self) -> bool:
+        """Whether an interrupted writer left temporary files."""
+        return any(any(place.glob(f"{TEMPORARY}*")) for place in (self.path, self.path / STATES))
 
     @property
     def is_writing(self) -> bool:
@@ -232,7 +289,7 @@ class Run:
         path = self.state_path(record.label)
         write_atomic(path, data)
         try:
-            log.append_log(self.log_path, [state_entry(record, data)])
+            log.append_log(self.log_path, [state_entry(describe(record), data)])
         except StoreError:
             self._take_back(record.label)
             raise
@@ -275,14 +332,22 @@ class Run:
                 raise write_error(target, error) from error
         return target
 
-    def rebuild_index(self) -> list[str]:
-        """Rebuild the log from the states, keeping every line that can be read, and say what was done.
+    def remove(self) -> None:
+        """Delete the run for good. Raises LockedError when another process writes to it, StoreError."""
+        with self._locked():
+            try:
+                remove(self.path)
+            except OSError as error:
+                raise write_error(self.path, error) from error
 
-        The log before it, if there was one, is kept as log.jsonl.old-K. A state that the log names and that
-        has no file becomes an event `state-lost`. Raises LockedError, StoreError.
+    def repair(self) -> list[str]:
+        """Bring the run back to order after damage, and say what was done, a line each; nothing is deleted.
+
+        Damaged files are renamed, config files restored from the states, the log rebuilt from states and what
+        can be read of it; see `recovery.repair`. Raises LockedError, StoreError.
         """
         with self._locked():
-            notes = rebuild(self.path)
+            notes = repair(self.path)
             self._next = self._find_next_label()
             return notes
 
@@ -292,7 +357,7 @@ class Run:
         if self._lock.held:
             yield
             return
-        self._lock.acquire()
+        self.remarks = self._lock.acquire()
         try:
             yield
         finally:

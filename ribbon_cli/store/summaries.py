@@ -23,8 +23,8 @@ def summary(source: StateRecord | Mapping[str, Any], run: str | None = None) -> 
     return {"run": run, **state}
 
 
-def describe(record: StateRecord) -> dict[str, Any]:
-    """Summary of a record without the run's name."""
+def describe(record: StateRecord, content: str | None = None) -> dict[str, Any]:
+    """Summary of a record without the run's name; `content` is its content hash where that is known."""
     from ribbon_cli.store.content import content_sha256
 
     state: dict[str, Any] = {}
@@ -39,8 +39,13 @@ def describe(record: StateRecord) -> dict[str, Any]:
             for item in BRANCH
             if item.summary
         }
-    state["content_sha256"] = content_sha256(record)
+    state["content_sha256"] = content or content_sha256(record)
     return dict(to_json(state))
+
+
+def agrees(state: Mapping[str, Any], record: StateRecord, content: str | None = None) -> bool:
+    """Whether a stored summary is the record's; what a newer version has put into it is passed over."""
+    return all(key in state and state[key] == value for key, value in describe(record, content).items())
 
 
 def _scalar(value: Any, dtype: str) -> Any:

@@ -13,19 +13,25 @@ if TYPE_CHECKING:
     from .plan import Plan, PlannedStage, plan_of
     from .progress import Progress
     from .refine import refine_state
+    from .repeat import Rerun, rerun
     from .solve import solve_config
     from .stability import Stability, arrays_of, document_of, stability_of
+    from .status import RUN_STATUSES, standing
     from .table import table_entries
+    from .verification import Verification, verify
 
 __all__ = [
+    "RUN_STATUSES",
     "Course",
     "Outcome",
     "Plan",
     "PlannedStage",
     "Progress",
+    "Rerun",
     "SpectralTable",
     "Stability",
     "Target",
+    "Verification",
     "arrays_of",
     "continue_state",
     "courses",
@@ -33,34 +39,43 @@ __all__ = [
     "given_band",
     "plan_of",
     "refine_state",
+    "rerun",
     "run_spectra",
     "solve_config",
     "spectral_convergence",
     "stability_of",
+    "standing",
     "table_entries",
+    "verify",
 ]
 
 _HOMES = {
+    "RUN_STATUSES": "status",
     "Course": "outcome",
     "Outcome": "outcome",
     "Plan": "plan",
     "PlannedStage": "plan",
     "Progress": "progress",
+    "Rerun": "repeat",
     "SpectralTable": "mode_limits",
     "Stability": "stability",
     "Target": "outcome",
+    "Verification": "verification",
     "arrays_of": "stability",
-    "document_of": "stability",
     "continue_state": "onward",
     "courses": "branch_tables",
+    "document_of": "stability",
     "given_band": "given",
     "plan_of": "plan",
     "refine_state": "refine",
+    "rerun": "repeat",
     "run_spectra": "mode_limits",
     "solve_config": "solve",
     "spectral_convergence": "mode_limits",
     "stability_of": "stability",
+    "standing": "status",
     "table_entries": "table",
+    "verify": "verification",
 }
 
 

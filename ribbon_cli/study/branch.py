@@ -228,7 +228,7 @@ class Branches:
             index_after=after,
             lowest_eigenvalue=None if lowest is None else lowest[0],
             sliding_overlap=overlap,
-            mode=None if mode is None else mode.tangent.x.reshape(segments, 7),
+            soft_mode=None if mode is None else mode.tangent.x.reshape(segments, 7),
         )
 
     # --- ends ---
@@ -286,11 +286,11 @@ class Branches:
             self.steps.begin(stage, record.half_width, record.segments)
             clock = self.journal.clock()
             assert record.branch is not None
-            assert record.branch.mode is not None
+            assert record.branch.soft_mode is not None
             tangent = _direction(record.branch.tangent, record.branch.half_width_rate, record)
             try:
                 point = _point(record)
-                mode = with_multipliers(point, record.branch.mode.ravel())
+                mode = with_multipliers(point, record.branch.soft_mode.ravel())
                 found = switch(point, tangent, mode, side, self.options.guard)
             except (CorrectorError, FactorisationError) as error:
                 self._finish(name, record, [], End(Reason.STEP_TOO_SMALL, record.half_width, str(error)))

@@ -7,6 +7,7 @@ the same bytes as one that was not.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any
@@ -14,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from ..config import SpectrumRequest
+from ..errors import LockedError, StoreError
 from ..model.band import State
 from ..model.problem import Problem
 from ..model.topology import Linking, linking_number
@@ -21,6 +23,7 @@ from ..recipes.eversion import not_everted
 from ..solver.newton import Options
 from ..solver.status import Result, SaddleMet, Status
 from ..store import Run, StateRecord
+from ..store.provenance import config_facts
 from .outcome import Outcome
 from .progress import Progress, Recording
 from .records import Clock, Origin, Reached, build_record, saddle_result
@@ -33,9 +36,12 @@ class NotStoredError(Exception):
 def run_or_read(run: Run, progress: Progress, study: Callable[[Progress], Outcome]) -> Outcome:
     """Let a study pass over a run; where all its stages are stored, without a lock and without writing.
 
-    So a finished run can be used that others may not write to, or that someone is refining. Raises as
-    `Run.writing`.
+    So a finished run can be used that others may not write to, or that someone is refining; what an
+    interrupted writer left in it is cleared if it can be. Raises as `Run.writing`.
     """
+    if run.has_leftovers:
+        with suppress(StoreError, LockedError), run.writing():
+            pass
     told = Recording()
     try:
         outcome = study(told)
@@ -55,8 +61,11 @@ class Journal:
         self.notes: list[str] = []
         self.new_states = 0
         self._argv, self._origin = argv, origin
+        self._config = config_facts(run.path)
         self._ends: dict[str, int] = {}
         self._saddles: dict[str, int] = {}
+        for remark in run.remarks:
+            self.note(remark)
         for label, entry in sorted(run.entries().items()):
             state = entry["state"]
             if state["kind"] == "saddle":
@@ -67,7 +76,7 @@ class Journal:
     def finished(self, stage: str) -> StateRecord | None:
         """The state that ended a stage, if it is stored."""
         label = self._ends.get(stage)
-        return None if label is None else self.run.load(label)
+        return None if label is None else self.run.look_up(label)
 
     def stages(self, prefix: str) -> list[str]:
         """Names of the finished stages that begin with `prefix`, in the order stored."""
@@ -79,11 +88,20 @@ class Journal:
         self.notes.append(text)
         self.progress.note(text)
 
+    def end(self, outcome: Outcome) -> None:
+        """Keep in the log which targets were missed, where that is news and the run is open for writing."""
+        if not self.run.is_writing:
+            return
+        missed = [[target.half_width, target.segments] for target in outcome.targets if not target.reached]
+        ended = [event for event in self.run.events() if event["event"] == "ended"]
+        if self.new_states or not ended or ended[-1]["missed"] != missed:
+            self.run.log_event("ended", exit_code=outcome.exit_code, missed=missed)
+
     def clock(self) -> Clock:
         """A clock for a stage that begins now. Raises NotStoredError if its end could not be committed."""
         if not self.run.is_writing:
             raise NotStoredError
-        return Clock(self._argv, self._origin)
+        return Clock(self._argv, self._origin, self._config)
 
     def log(self, kind: str, **data: Any) -> None:
         """Append an event to the run's log. Raises NotStoredError if the run is not open for writing."""

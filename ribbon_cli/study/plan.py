@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_left, bisect_right, insort
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -54,10 +55,13 @@ def turn_names() -> tuple[str, ...]:
 
 def visits(widths: Sequence[float]) -> list[tuple[float, int]]:
     """Each width of a schedule with how often it has come so far, from 1."""
-    return [
-        (b, sum(math.isclose(b, other, rel_tol=1e-9) for other in widths[: k + 1]))
-        for k, b in enumerate(widths)
-    ]
+    ordered: list[float] = []  # those before, so that thousands of widths cost no more than sorting them
+    out = []
+    for b in widths:
+        insort(ordered, b)
+        same = bisect_right(ordered, b * (1.0 + 1e-9)) - bisect_left(ordered, b * (1.0 - 1e-9))
+        out.append((b, same))
+    return out
 
 
 def width_name(half_width: float, visit: int = 1) -> str:

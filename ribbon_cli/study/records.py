@@ -7,8 +7,10 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..config import SpectrumRequest
 from ..model.band import Array, Band, Discretisation, Multipliers, State
@@ -22,7 +24,7 @@ from ..solver.spectra import Spectrum, full_spectra, lowest_spectrum
 from ..solver.status import Result, SaddleMet, Status
 from ..store import BranchRecord, SpectrumRecord, StateRecord
 from ..store.log import utc_now
-from ..store.provenance import gather
+from ..store.provenance import Facts, gather
 
 Origin = Path | Mapping[str, str | int | float] | None
 """Where a config comes from: its folder, or what an earlier state's provenance says of its repository."""
@@ -34,6 +36,7 @@ class Clock:
 
     argv: Sequence[str]
     origin: Origin
+    config: Facts = field(default_factory=dict)
     started: str = field(default_factory=utc_now)
     wall: float = field(default_factory=time.perf_counter)
     cpu: float = field(default_factory=time.process_time)
@@ -43,6 +46,7 @@ class Clock:
         facts = gather(
             self.argv,
             self.origin if isinstance(self.origin, Path) else None,
+            **self.config,
             started=self.started,
             wall_seconds=time.perf_counter() - self.wall,
             cpu_seconds=time.process_time() - self.cpu,
@@ -87,14 +91,10 @@ def build_record(label: int, reached: Reached, clock: Clock, spectrum: SpectrumR
     """The record of a reached state; `spectrum` says which modes to compute, None none."""
     problem, result = reached.problem, reached.result
     band, state = problem.band, result.state
-    end = problem.end_ruling(result.x)
-    shape = geometry(state, end if problem.prescription.seam is not None else None)
-    turn = _topology(problem, state)
-    contact = self_contact(state.u, state.g, end, band.half_width, band.h)
-    facets = inverted_facets(problem, result.x)
     named = result.named_multipliers()
     spectra, remarks = _spectra(problem, result, spectrum)
     return StateRecord(
+        **derive(reached),
         label=label,
         kind=reached.kind,
         status=result.status.value,
@@ -110,29 +110,13 @@ def build_record(label: int, reached: Reached, clock: Clock, spectrum: SpectrumR
         u=state.u,
         g=state.g,
         xi=state.xi,
-        g_end=end,
         lambda_1=named.lambda_1,
         lambda_2=named.lambda_2,
         lambda_3=named.lambda_3,
         lambda_4=named.lambda_4,
         lambda_5=named.lambda_5,
         gamma=named.gamma,
-        energy=result.energy,
-        kkt_residual=result.kkt_residual,
-        constraint_residual=result.constraint_residual,
         negative_eigenvalues=result.negative,
-        smallest_facet=float(facets.min()),
-        inverted_facets=int((facets <= 0).sum()),
-        linking_number=turn[0],
-        twist=turn[1],
-        writhe=turn[2],
-        self_contact=contact.contact,
-        clearance=contact.clearance,
-        midline=shape.midline,
-        kappa_s=shape.kappa_s,
-        tau=shape.tau,
-        eta=shape.eta,
-        eta_prime=shape.eta_prime,
         spectra=spectra,
         branch=reached.branch,
         parent=reached.parent,
@@ -140,6 +124,8 @@ def build_record(label: int, reached: Reached, clock: Clock, spectrum: SpectrumR
         method=reached.method,
         newton_steps=reached.steps,
         events=(*reached.events, *remarks),
+        prescribed=_prescribed(problem),
+        seam_open=True if problem.prescription.seam is not None else None,
         provenance=clock.facts(),
     )
 
@@ -149,6 +135,45 @@ def _sentence(result: Result, kind: str) -> str:
     if kind == "auxiliary" and result.status is Status.MINIMUM:
         return "Converged to a minimum of the auxiliary problem, with its prescribed rulings held."
     return result.message
+
+
+def derive(reached: Reached) -> dict[str, Any]:
+    """Fields of a record that follow from u, g, xi and the multipliers: what `ribbon verify` computes again.
+
+    Raises ValueError where they are not defined, as for values that are not finite.
+    """
+    problem, result = reached.problem, reached.result
+    band, state = problem.band, result.state
+    end = problem.end_ruling(result.x)
+    shape = geometry(state, end if problem.prescription.seam is not None else None)
+    turn = _topology(problem, state)
+    contact = self_contact(state.u, state.g, end, band.half_width, band.h)
+    facets = inverted_facets(problem, result.x)
+    return {
+        "energy": result.energy,
+        "kkt_residual": result.kkt_residual,
+        "constraint_residual": result.constraint_residual,
+        "smallest_facet": float(facets.min()),
+        "inverted_facets": int((facets <= 0).sum()),
+        "linking_number": turn[0],
+        "twist": turn[1],
+        "writhe": turn[2],
+        "self_contact": contact.contact,
+        "clearance": contact.clearance,
+        "g_end": end,
+        "midline": shape.midline,
+        "kappa_s": shape.kappa_s,
+        "tau": shape.tau,
+        "eta": shape.eta,
+        "eta_prime": shape.eta_prime,
+    }
+
+
+def _prescribed(problem: Problem) -> NDArray[np.bool_] | None:
+    """Marks (N,) of the rulings that are held, None if none is."""
+    held = np.zeros(problem.band.segments, dtype=np.bool_)
+    held[list(problem.prescription.rulings)] = True
+    return held if held.any() else None
 
 
 def _topology(problem: Problem, state: State) -> tuple[float, float, float]:

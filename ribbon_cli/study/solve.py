@@ -19,11 +19,13 @@ from ..solver.newton import Options, solve
 from ..solver.status import Result, Status
 from ..solver.tracking import PARTS
 from ..store import Run, StateRecord
+from ..store.folder import is_run
 from .branch import Branches
 from .constructions import construct, evert
 from .contact import locate_contact
 from .given import given_state
 from .journal import converged, run_or_read
+from .nearest import what_changed
 from .outcome import Course, Outcome, Target
 from .plan import guess_notes, plan_of, refined_at, refinement_name, start_name, visits, width_name
 from .progress import Progress, Silence
@@ -41,14 +43,17 @@ def solve_config(
     fresh: bool = False,
     progress: Progress | None = None,
     argv: Sequence[str] = (),
+    references: Path | None = None,
 ) -> Outcome:
     """Run all stages of a config that its run does not hold yet.
 
-    `root` is the folder of the runs. `fresh` puts an existing run aside first, keeping it. Targets that are
-    not reached are in the outcome. Raises UsageError for a given state that does not fit (before any run
-    folder is made), StoreError, LockedError.
+    `root` is the folder of the runs; `references` is that of the runs that the config's guess may refer to,
+    by default the same. `fresh` puts an existing run aside first, keeping it. Targets that are not reached
+    are in the outcome, and the run's log keeps which. Raises UsageError for a given state that does not fit
+    (before any run folder is made), StoreError, LockedError.
     """
-    given = given_state(config, root) if config.guess.recipe == "state" else None
+    given = given_state(config, references or root) if config.guess.recipe == "state" else None
+    changed = what_changed(config, root)
     run = _open(config, root)
     if fresh and run.entries():
         run.set_aside()
@@ -57,7 +62,11 @@ def solve_config(
     def study(watcher: Progress) -> Outcome:
         one_pass = _Study(config, run, given, watcher, argv)
         try:
-            return one_pass.run()
+            if changed:
+                one_pass.journal.note(changed)
+            outcome = one_pass.run()
+            one_pass.journal.end(outcome)
+            return outcome
         finally:
             watcher.done()
 
@@ -65,6 +74,9 @@ def solve_config(
 
 
 def _open(config: Config, root: Path) -> Run:
+    known = root / f"{config.name}-{config.hash8()}"
+    if is_run(known):
+        return Run.open(known)
     return Run.create_or_open(root, config.name, config.hash8(), config.text, dump_resolved(config))
 
 

@@ -1,0 +1,106 @@
+"""`python -m bench.store`: a run of 5000 states listed, looked up, resumed and indexed."""
+
+from __future__ import annotations
+
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from ribbon_cli.config import dump_resolved, load_config
+from ribbon_cli.store import Run, log
+from ribbon_cli.store.folder import state_entry, state_name
+from ribbon_cli.store.preamble import block_size, check_seal, seal
+from ribbon_cli.study import plan_of, solve_config
+
+DOCUMENT = Path(__file__).parents[1] / "docs" / "benchmarks-store.md"
+STATES = 5000
+REPEATS = 5
+CONFIG = """\
+name: big
+topology: {{half_twists: 0}}
+initial_guess: {{recipe: cylinder, segments: 8, half_width: 0.1}}
+widths: {widths}
+spectrum: {{modes: 0, full_up_to: 0}}
+"""
+
+
+def make_run(folder: Path, states: int = STATES) -> Run:
+    """A finished run of so many widths; each file is the first one's with the head of its own state."""
+    first = folder / "first.yaml"
+    first.write_text(CONFIG.format(widths="[0.1]"), encoding="utf-8")
+    done = solve_config(load_config(first), folder / "first")
+    data = done.run.state_path(1).read_bytes()
+    summary = check_seal(data) or {}
+    size = block_size(summary)
+    image = bytes(size) + data[size:]
+    path = folder / "big.yaml"
+    widths = f"{{from: 0.1, to: 0.5, steps: {states - 1}}}"
+    path.write_text(CONFIG.format(widths=widths), encoding="utf-8")
+    config = load_config(path)
+    run = Run.create_or_open(folder / "runs", config.name, config.hash8(), config.text, dump_resolved(config))
+    lines = []
+    for label, stage in enumerate(plan_of(config).stages, start=1):
+        state = summary | {"label": label, "half_width": stage.half_width, "stage": stage.name}
+        file = seal(image, state)
+        (run.path / state_name(label)).write_bytes(file)
+        lines.append(log.format_line(state_entry(state, file)))
+    with open(run.log_path, "ab") as stream:
+        stream.write(b"".join(lines))
+    return run
+
+
+def seconds(folder: Path, *words: str, repeats: int = REPEATS) -> float:
+    """Median time of a command line, from the start of Python to its end."""
+    times = []
+    for _ in range(repeats):
+        started = time.perf_counter()
+        done = subprocess.run(
+            [sys.executable, "-m", "ribbon_cli", *words], cwd=folder, capture_output=True, check=False
+        )
+        times.append(time.perf_counter() - started)
+        if done.returncode:
+            raise RuntimeError(f"{words}: exit code {done.returncode}: {done.stderr.decode()[-300:]}")
+    return statistics.median(times)
+
+
+def measure(folder: Path, states: int = STATES) -> list[tuple[str, float, float | None]]:
+    """Rows of (what, seconds, limit)."""
+    run = make_run(folder, states)
+    last = f"big:{states}"
+    rows: list[tuple[str, float, float | None]] = [
+        ("start of Python and nothing else (`ribbon --version`)", seconds(folder, "--version"), None),
+        ("`ribbon ls`", seconds(folder, "ls"), 1.0),
+        ("`ribbon ls RUN`, every file's hash compared", seconds(folder, "ls", "big"), 1.0),
+        ("`ribbon path RUN:LABEL`", seconds(folder, "path", last), 1.0),
+        ("`ribbon path RUN@b=...`", seconds(folder, "path", "big@b=0.5"), 1.0),
+        ("`ribbon solve` of the finished run", seconds(folder, "solve", "big.yaml", "-q"), 1.0),
+    ]
+    run.log_path.unlink()
+    rows.append(("`ribbon repair` without a log", seconds(folder, "repair", "big", repeats=1), 20.0))
+    return rows
+
+
+def main() -> None:
+    """Measure, and write the page."""
+    with tempfile.TemporaryDirectory() as name:
+        rows = measure(Path(name))
+    lines = [
+        "# Benchmarks of the store",
+        "",
+        f"A finished run of {STATES} states of some 40 kB each, in the file system's cache. Median seconds",
+        "of whole processes, written by `make bench`.",
+        "",
+        "| command | seconds | limit |",
+        "|---|---|---|",
+    ]
+    for what, took, most in rows:
+        lines.append(f"| {what} | {took:.2f} | {'' if most is None else f'{most:g}'} |")
+    DOCUMENT.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    sys.stdout.write("\n".join(lines) + "\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,183 @@
+"""What is done to whole runs: repair, pack and unpack, rm, path, rerun."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import asdict
+from typing import TYPE_CHECKING
+
+import click
+
+from ribbon_cli.cli.completion import complete_any, complete_file, complete_folder, complete_run
+from ribbon_cli.cli.output import check_target, complain, emit, emit_json, say
+from ribbon_cli.cli.settings import Settings, common_options, pass_settings
+from ribbon_cli.errors import TargetError, UsageError
+
+if TYPE_CHECKING:
+    from ribbon_cli.report.comparison import StatePair
+
+
+@click.command()
+@click.argument("run", shell_complete=complete_run)
+@common_options
+@pass_settings
+def repair(settings: Settings, run: str) -> None:
+    """Bring a RUN to order after damage.
+
+    Nothing is deleted: the log is rebuilt from the states, damaged files are renamed to *.damaged-K, config
+    files are restored from the states. The next `ribbon solve` computes again what was lost.
+    """
+    from ribbon_cli.store import find_run
+
+    found = find_run(settings.root, run)
+    done = found.repair()
+    if settings.json:
+        emit_json({"run": found.name, "path": str(found.path), "done": done})
+    else:
+        for note in done:
+            emit(note)
+        say(settings, f"{found.path}: {'repaired' if done else 'nothing to repair'}")
+
+
+@click.command()
+@click.argument("run", shell_complete=complete_run)
+@click.option("-o", "--output", metavar="PATH", shell_complete=complete_file, help="Else RUN.pack.h5.")
+@click.option("--overwrite", is_flag=True, help="Replace the file if there is one.")
+@common_options
+@pass_settings
+def pack(settings: Settings, run: str, output: str | None, overwrite: bool) -> None:
+    """Write a RUN to one HDF5 file, to share.
+
+    `ribbon unpack` makes it a run again, the same bytes. The states' datasets are in it to look at, too.
+    """
+    from pathlib import Path
+
+    from ribbon_cli.store import find_run
+    from ribbon_cli.store.pack import pack as write
+
+    found = find_run(settings.root, run)
+    path = output or f"{found.name}.pack.h5"
+    check_target(path, overwrite, "add --overwrite, or choose another with -o")
+    states = write(found, Path(path), overwrite)
+    if settings.json:
+        emit_json({"run": found.name, "path": path, "states": states, "bytes": os.path.getsize(path)})
+    else:
+        emit(path)
+
+
+@click.command()
+@click.argument("file", shell_complete=complete_file)
+@common_options
+@pass_settings
+def unpack(settings: Settings, file: str) -> None:
+    """Make the run of a packed FILE again.
+
+    It comes into the folder of runs, every file as it was.
+    """
+    from pathlib import Path
+
+    from ribbon_cli.store.pack import unpack as read
+
+    run = read(Path(file), settings.root)
+    if settings.json:
+        emit_json({"run": run.name, "path": str(run.path), "states": len(run.entries())})
+    else:
+        emit(str(run.path))
+
+
+@click.command()
+@click.argument("run", shell_complete=complete_run)
+@click.option("-y", "--yes", is_flag=True, help="Do not ask.")
+@common_options
+@pass_settings
+def rm(settings: Settings, run: str, yes: bool) -> int:
+    """Delete a RUN for good, after asking."""
+    from ribbon_cli.errors import StoreError
+    from ribbon_cli.store import find_run, names_state
+
+    if names_state(run):
+        raise UsageError(f"{run}: a single state is not deleted: others have come from it; name a run")
+    found = find_run(settings.root, run)
+    try:
+        states = f"{len(found.entries())} states"
+    except StoreError:
+        states = "a damaged log"
+    if not yes and not _agreed(f"delete {found.path} with {states}?"):
+        complain(f"ribbon: {found.path} is kept")
+        return UsageError.exit_code
+    found.remove()
+    if settings.json:
+        emit_json({"run": found.name, "deleted": str(found.path)})
+    else:
+        say(settings, f"{found.path}: deleted")
+    return 0
+
+
+def _agreed(question: str) -> bool:
+    """Ask on standard error; anything but yes, and nobody to answer, is no."""
+    try:
+        return click.confirm(question, err=True)
+    except click.Abort:
+        return False
+
+
+@click.command()
+@click.argument("ref", metavar="RUN|STATE", shell_complete=complete_any)
+@common_options
+@pass_settings
+def path(settings: Settings, ref: str) -> None:
+    """Print where a RUN or a STATE is."""
+    from ribbon_cli.store import find_run, names_state, resolve_state
+
+    found = resolve_state(settings.root, ref)[2] if names_state(ref) else find_run(settings.root, ref).path
+    absolute = os.path.abspath(found)
+    emit_json({"path": absolute}) if settings.json else emit(absolute)
+
+
+@click.command()
+@click.argument("run", shell_complete=complete_run)
+@click.option(
+    "--into", metavar="DIR", shell_complete=complete_folder, help="Keep the new run in this folder."
+)
+@common_options
+@pass_settings
+def rerun(settings: Settings, run: str, into: str | None) -> int:
+    """Repeat a RUN from its stored config alone.
+
+    Says whether every state comes out the same. The exit code is 3 where one differs or is not reached. Bytes
+    are the same on one machine with the same versions; elsewhere, energies agree up to rounding.
+    """
+    from pathlib import Path
+
+    from ribbon_cli.cli.compare_command import pairs_table
+    from ribbon_cli.cli.progress import progress
+    from ribbon_cli.study import rerun as repeat
+
+    with progress(settings) as shown:
+        target = None if into is None else Path(into)
+        found = repeat(settings.root, run, into=target, progress=shown, argv=settings.argv)
+    same = sum(pair.equal for pair in found.pairs)
+    if settings.json:
+        emit_json(
+            {
+                "run": found.run.name,
+                "equal": found.equal,
+                "states": [asdict(pair) for pair in found.pairs],
+                "not_from_config": [asdict(pair) for pair in found.extra],
+            }
+        )
+    else:
+        emit(pairs_table(_worth_showing(found.pairs)))
+    verdict = f"{same} of {len(found.pairs)} states are the same, byte for byte of their scientific part"
+    if found.extra:
+        verdict += f"; {len(found.extra)} more are not from the config"
+    if found.equal:
+        say(settings, f"{found.run.name}: {verdict}")
+        return 0
+    complain(f"ribbon: {found.run.name}: {verdict}")
+    return TargetError.exit_code
+
+
+def _worth_showing(pairs: tuple[StatePair, ...]) -> list[StatePair]:
+    """Equilibria, and whatever differs."""
+    return [pair for pair in pairs if pair.kind == "equilibrium" or not pair.equal]

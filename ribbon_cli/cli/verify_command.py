@@ -1,0 +1,65 @@
+"""`ribbon verify`: whether what is stored is what was committed, and says what its shape says."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from ribbon_cli.cli.completion import complete_any
+from ribbon_cli.cli.output import complain, emit, emit_json, say
+from ribbon_cli.cli.settings import Settings, common_options, pass_settings
+from ribbon_cli.errors import StoreError
+
+if TYPE_CHECKING:
+    from ribbon_cli.study import Verification
+
+
+@click.command()
+@click.argument("ref", metavar="[RUN|STATE|all]", default="all", shell_complete=complete_any)
+@common_options
+@pass_settings
+def verify(settings: Settings, ref: str) -> int:
+    """Check a RUN, a STATE or all runs.
+
+    Files are compared with the hashes that were committed, and what they say of a shape is computed again
+    from the shape: energy, residuals, inertia, linking number, contact, geometry. The exit code is 4 when
+    anything differs.
+    """
+    from ribbon_cli.study import verify as check
+
+    found = check(settings.root, ref)
+    if settings.json:
+        emit_json(document(found))
+    else:
+        for problem in found.problems:
+            emit(f"{problem.where}: {problem.what}")
+    for finding in found.findings:
+        if finding.note:
+            say(settings, f"{finding.where}: {finding.what}")
+    return conclude(settings, found)
+
+
+def document(found: Verification) -> dict[str, object]:
+    """A verification as JSON."""
+    notes = [finding for finding in found.findings if finding.note]
+    return {
+        "ok": not found.problems,
+        "runs": found.runs,
+        "states": found.states,
+        "problems": [{"where": f.where, "what": f.what} for f in found.problems],
+        "notes": [{"where": f.where, "what": f.what} for f in notes],
+    }
+
+
+def conclude(settings: Settings, found: Verification) -> int:
+    """Say in a line how it went; return the exit code."""
+    what = f"{found.runs} run{'s' * (found.runs != 1)}, " if found.runs else ""
+    what += f"{found.states} state{'s' * (found.states != 1)}"
+    if not found.problems:
+        say(settings, f"{what}: all in order")
+        return 0
+    count = len(found.problems)
+    problems = f"{count} problem{'s' * (count != 1)}"
+    complain(f"ribbon: {problems} in {what}: `ribbon repair RUN` puts aside what is damaged")
+    return StoreError.exit_code

@@ -1,0 +1,129 @@
+"""Two states or two runs, field by field."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from ribbon_cli.store.fields import flatten, is_provenance, value_shape
+
+if TYPE_CHECKING:
+    from ribbon_cli.store import Run, StateRecord
+    from ribbon_cli.store.fields import Value
+
+_ORDER = ("/origin/label", "/origin/parent")
+"""Where a state stands in its run, not what it is."""
+
+
+@dataclass(frozen=True)
+class FieldPair:
+    """One dataset of two states: `first` and `second` are scalars, or shapes of arrays, None where there is
+    none.
+
+    `difference` is the largest absolute one of numbers of one shape, else None.
+    """
+
+    path: str
+    equal: bool
+    first: Any
+    second: Any
+    difference: float | None = None
+
+
+@dataclass(frozen=True)
+class StatePair:
+    """A state of one run beside that of the other that ended the same stage; labels, None where there is
+    none.
+    """
+
+    stage: str
+    kind: str
+    first: int | None
+    second: int | None
+    equal: bool
+    energies: tuple[float | None, float | None]
+
+
+def compare_states(first: StateRecord, second: StateRecord) -> list[FieldPair]:
+    """Every dataset of two states, in the order of the format's table; equal means to the last bit."""
+    one = {field.item.path: field.value for field in flatten(first)}
+    two = {field.item.path: field.value for field in flatten(second)}
+    return [_pair(path, one.get(path), two.get(path)) for path in dict.fromkeys([*one, *two])]
+
+
+def same_science(pairs: list[FieldPair]) -> bool:
+    """Whether all that was computed is equal: everything but provenance."""
+    return all(pair.equal for pair in pairs if not is_provenance(pair.path))
+
+
+def _pair(path: str, one: Value | None, two: Value | None) -> FieldPair:
+    if one is None or two is None:
+        return FieldPair(path, False, _shown(one), _shown(two))
+    if isinstance(one, str | tuple) or isinstance(two, str | tuple):
+        return FieldPair(path, one == two, _shown(one), _shown(two))
+    same = one.dtype == two.dtype and one.shape == two.shape and one.tobytes() == two.tobytes()
+    difference = 0.0 if same else _difference(one, two)
+    return FieldPair(path, same, _shown(one), _shown(two), difference)
+
+
+def _difference(one: Any, two: Any) -> float | None:
+    """Largest absolute difference of two arrays of numbers; infinite where only one is finite, None if
+    shapes differ.
+    """
+    import numpy as np
+
+    if one.shape != two.shape:
+        return None
+    a, b = one.astype(np.float64), two.astype(np.float64)
+    both = np.isnan(a) & np.isnan(b)
+    with np.errstate(invalid="ignore"):
+        apart = np.where(both | (a == b), 0.0, np.abs(a - b))
+    return float(np.where(np.isnan(apart), np.inf, apart).max()) if apart.size else 0.0
+
+
+def _shown(value: Value | None) -> Any:
+    """A scalar or list of texts as it is; of an array its shape."""
+    if value is None or isinstance(value, str):
+        return value
+    if isinstance(value, tuple):
+        return list(value)
+    return value.item() if value.shape == () else list(value_shape(value))
+
+
+def compare_runs(first: Run, second: Run) -> list[StatePair]:
+    """The states of two runs by the stages that they ended, in the order of the first run.
+
+    Two states are equal where all that was computed is, but for their places in the run. Raises StoreError
+    for a file that is not what was committed.
+    """
+    for run in (first, second):
+        for label, entry in run.entries().items():
+            run.committed_bytes(label, entry)
+    ours, theirs = _by_stage(first), _by_stage(second)
+    pairs = []
+    for key in dict.fromkeys([*ours, *theirs]):
+        one, two = ours.get(key), theirs.get(key)
+        equal = one is not None and two is not None and _equal(first, second, one, two)
+        labels = [None if state is None else state["label"] for state in (one, two)]
+        energies = (None if one is None else one["energy"], None if two is None else two["energy"])
+        pairs.append(StatePair(key[1], key[0], labels[0], labels[1], equal, energies))
+    return pairs
+
+
+def _by_stage(run: Run) -> dict[tuple[str, str, int], dict[str, Any]]:
+    """States by kind, stage and how often both occurred before."""
+    seen: defaultdict[tuple[str, str], int] = defaultdict(int)
+    found = {}
+    for state in run.states(all=True):
+        key = (state["kind"], state["stage"])
+        found[(*key, seen[key])] = state
+        seen[key] += 1
+    return found
+
+
+def _equal(first: Run, second: Run, one: dict[str, Any], two: dict[str, Any]) -> bool:
+    if one["content_sha256"] == two["content_sha256"]:
+        return True
+    pairs = compare_states(first.load(one["label"]), second.load(two["label"]))
+    return same_science([pair for pair in pairs if pair.path not in _ORDER])

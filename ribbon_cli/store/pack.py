@@ -1,0 +1,207 @@
+"""A run in one HDF5 file, to share: every file byte for byte, and beside them the states' datasets to look
+at.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ribbon_cli.errors import StoreError, UsageError
+from ribbon_cli.store import log
+from ribbon_cli.store.atomic import publish, temporary_name, write_durable, write_error
+from ribbon_cli.store.folder import CONFIG, LOG, RESOLVED, STATES, place, state_name
+from ribbon_cli.store.hdf5 import MAX_BYTES, UNREADABLE, check_dataset, read_bytes, text_attribute
+from ribbon_cli.store.hdf5 import write_text_attribute as write_text
+from ribbon_cli.store.run import Run
+
+if TYPE_CHECKING:
+    import h5py
+
+FORMAT = "ribbon-pack"
+FORMAT_VERSION = "1.0"
+_RUN_NAME = re.compile(r"\w[\w.-]{0,200}-[0-9a-f]{8}(\.old-\d{1,6})?")
+_STATE = re.compile(r"\d{4,12}\.h5")
+_LOOK = "states"
+"""Group with a copy of each state's datasets; for people and viewers, never read back."""
+_FILES = "files"
+
+
+def pack(run: Run, path: Path, overwrite: bool = False) -> int:
+    """Write a run to one file and return the number of its states; the same run gives the same bytes.
+
+    Every state is compared with the log first. Raises StoreError for a damaged run, or when the file exists
+    and is not to be overwritten, or cannot be written.
+    """
+    temporary = temporary_name(path)
+    try:
+        try:
+            count = _write(run, temporary)
+            with open(temporary, "rb") as file:
+                os.fsync(file.fileno())
+            publish(temporary, path, overwrite)
+        finally:
+            temporary.unlink(missing_ok=True)
+    except OSError as error:
+        raise write_error(path, error) from error
+    return count
+
+
+def _write(run: Run, path: Path) -> int:
+    """Write the whole file. Raises OSError, StoreError."""
+    import h5py
+    from h5py import h5f, h5g, h5p
+
+    creation = h5p.create(h5p.FILE_CREATE)
+    creation.set_obj_track_times(False)
+    access = h5p.create(h5p.FILE_ACCESS)
+    access.set_libver_bounds(h5f.LIBVER_V110, h5f.LIBVER_V110)
+    entries = run.entries()
+    lines = read_bytes(run.log_path)
+    with h5py.File(h5f.create(os.fsencode(path), h5f.ACC_EXCL, creation, access)) as file:
+        for name, text in (("format", FORMAT), ("format_version", FORMAT_VERSION), ("run", run.name)):
+            write_text(file.id, name, text)
+        plain = h5p.create(h5p.GROUP_CREATE)
+        plain.set_obj_track_times(False)
+        for group in (_LOOK, _FILES, f"{_FILES}/{STATES}"):
+            h5g.create(file.id, group.encode(), gcpl=plain)
+        for name in (CONFIG, RESOLVED):
+            _write_file(file, name, read_bytes(run.path / name))
+        _write_file(file, LOG, lines[: lines.rfind(b"\n") + 1])
+        for label, entry in entries.items():
+            data = run.committed_bytes(label, entry)
+            _write_file(file, state_name(label), data)
+            with h5py.File(h5f.open_file_image(data)) as state:
+                state.copy("/", file, f"{_LOOK}/{label:04d}")
+    return len(entries)
+
+
+def _write_file(file: h5py.File, name: str, data: bytes) -> None:
+    """Put a file's bytes into a dataset."""
+    import numpy as np
+
+    bytes_ = np.frombuffer(data, dtype=np.uint8)
+    options: dict[str, Any] = {"chunks": (len(data),), "fletcher32": True} if data else {}
+    file.create_dataset(f"{_FILES}/{name}", data=bytes_, track_times=False, **options)
+
+
+def unpack(path: Path, root: Path) -> Run:
+    """Make the run of a packed file in `root` again, byte for byte, and return it; nothing, or a complete
+    run.
+
+    Raises UsageError where the run is there already, StoreError for a file that is damaged or holds no run,
+    or when the run cannot be written.
+    """
+    name, files = read_pack(path)
+    target = root / name
+    if os.path.lexists(target):
+        raise UsageError(f"{target}: is there already: choose another folder with --runs, or set it aside")
+    temporary = temporary_name(target)
+    try:
+        try:
+            root.mkdir(parents=True, exist_ok=True)
+            os.mkdir(temporary)
+            os.mkdir(temporary / STATES)
+            for inside, data in files:
+                write_durable(temporary / inside, data)
+            place(temporary, target)
+        finally:
+            shutil.rmtree(temporary, ignore_errors=True)
+    except OSError as error:
+        raise write_error(target, error) from error
+    return Run.open(target)
+
+
+def is_pack(path: Path) -> bool:
+    """Whether a file says that it is a packed run."""
+    import h5py
+
+    try:
+        with h5py.File(path, "r") as file:
+            return text_attribute(file, "format") == FORMAT
+    except UNREADABLE:
+        return False
+
+
+def read_pack(path: Path) -> tuple[str, Iterator[tuple[str, bytes]]]:
+    """Return the name of a packed run, and its files one after the other, each compared with the run's log.
+
+    Raises StoreError, at once or while files are read, for whatever is not as `pack` writes it. Names of
+    files are those that a run has, so that none can leave its folder.
+    """
+    try:
+        return _run_name(path), _files(path)
+    except UNREADABLE as error:
+        raise _not_a_pack(path, error) from error
+
+
+def _run_name(path: Path) -> str:
+    import h5py
+
+    with h5py.File(path, "r") as file:
+        if text_attribute(file, "format") != FORMAT:
+            raise ValueError(f"its format is {text_attribute(file, 'format')!r}, not {FORMAT!r}")
+        version = text_attribute(file, "format_version")
+        if int(version.partition(".")[0]) > int(FORMAT_VERSION.partition(".")[0]):
+            raise StoreError(
+                f"{path}: written in format {version}, newer than {FORMAT_VERSION}: update ribbon"
+            )
+        name = text_attribute(file, "run")
+        if not _RUN_NAME.fullmatch(name):
+            raise ValueError(f"{name!r} is no run's name")
+        return name
+
+
+def _files(path: Path) -> Iterator[tuple[str, bytes]]:
+    import h5py
+
+    try:
+        with h5py.File(path, "r") as file:
+            lines = _read_file(file, LOG)
+            entries = [log.parse_line(line) for line in lines.split(b"\n")[:-1]]
+            if not entries or entries[0]["event"] != "created" or not lines.endswith(b"\n"):
+                raise ValueError("its log does not begin as a run's")
+            hashes = {name: entries[0]["files"][name] for name in (CONFIG, RESOLVED)}
+            for entry in entries:
+                if entry["event"] == "state":
+                    name = str(entry["file"])
+                    if not _STATE.fullmatch(name.removeprefix(f"{STATES}/")):
+                        raise ValueError(f"its log names the file {name!r}")
+                    hashes[name] = entry["sha256"]
+            yield LOG, lines
+            for name, committed in hashes.items():
+                data = _read_file(file, name)
+                if hashlib.sha256(data).hexdigest() != committed:
+                    raise ValueError(f"{name} is not what the log says")
+                yield name, data
+    except UNREADABLE as error:
+        raise _not_a_pack(path, error) from error
+
+
+def _read_file(file: h5py.File, name: str) -> bytes:
+    """Bytes of a file in a pack. Raises ValueError for a dataset that is not plain bytes within the file."""
+    import h5py
+
+    node: Any = file
+    where = f"{_FILES}/{name}"
+    for part in where.split("/"):
+        if not isinstance(node, h5py.Group) or not isinstance(node.get(part, getlink=True), h5py.HardLink):
+            raise ValueError(f"{where} is missing, or not in the file itself")
+        node = node[part]
+    if not isinstance(node, h5py.Dataset) or node.dtype != "u1" or len(node.shape or ()) != 1:
+        raise ValueError(f"{where} does not hold bytes")
+    check_dataset(where, node, ("u1",))
+    if node.size > MAX_BYTES:
+        raise ValueError(f"{where} is larger than any file of a run")
+    return bytes(node[()].tobytes())
+
+
+def _not_a_pack(path: Path, error: Exception) -> StoreError:
+    """One line for a file that cannot be unpacked."""
+    reason = " ".join(str(error).split()) or type(error).__name__
+    return StoreError(f"{path}: damaged, or not a packed run: {reason}")

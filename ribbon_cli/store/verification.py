@@ -1,0 +1,134 @@
+"""Whether a run's files are what was committed: log, config, hashes, schema.
+
+Reading only, without the lock.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ribbon_cli.errors import StoreError
+from ribbon_cli.store.atomic import TEMPORARY
+from ribbon_cli.store.folder import STATES, state_files
+from ribbon_cli.store.hdf5 import decode, read_bytes
+from ribbon_cli.store.record import StateRecord
+from ribbon_cli.store.run import Run
+from ribbon_cli.store.summaries import agrees
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Something that is wrong, or a `note`: something left over that harms nothing."""
+
+    where: str
+    what: str
+    note: bool = False
+
+
+@dataclass(frozen=True)
+class Checked:
+    """A state's file after its check: `record` is None where it cannot be read."""
+
+    label: int | None
+    path: Path
+    record: StateRecord | None
+    findings: tuple[Finding, ...]
+
+
+def check_folder(run: Run) -> list[Finding]:
+    """Check a run's log, config files and whatever else lies in its folder; states are left to
+    `check_states`.
+
+    A damaged log is a finding, not an error.
+    """
+    try:
+        events = run.events()
+    except StoreError as error:
+        return [_from_error(run.log_path, error)]
+    found = list(_check_config(run, events))
+    for event in events:
+        if event["event"] == "state-lost":
+            reason = event.get("reason", "its file was missing")
+            found.append(Finding(str(run.state_path(event["label"])), f"marked as lost: {reason}", note=True))
+    return found + list(_leftovers(run, events))
+
+
+def _check_config(run: Run, events: list[dict[str, Any]]) -> Iterator[Finding]:
+    """Compare the config files with the hashes that the log's first line keeps."""
+    created = [event for event in events if event["event"] == "created"]
+    if len(created) != 1 or events[0]["event"] != "created":
+        yield Finding(str(run.log_path), "its first line, and no other, must be the event `created`")
+        return
+    for name, committed in created[0].get("files", {}).items():
+        path = run.path / os.path.basename(name)
+        try:
+            found = hashlib.sha256(read_bytes(path)).hexdigest()
+        except StoreError as error:
+            yield _from_error(path, error)
+        else:
+            if found != committed:
+                yield Finding(str(path), "not the bytes that the run was made with")
+
+
+def _leftovers(run: Run, events: list[dict[str, Any]]) -> Iterator[Finding]:
+    """What a killed writer left, and what was put aside; a running writer's own files are its business."""
+    known = {event["state"]["label"] for event in events if event["event"] == "state"}
+    if run.holder():
+        return
+    try:
+        files = state_files(run.path)
+        names = [path for place in (run.path, run.path / STATES) for path in sorted(place.iterdir())]
+    except OSError as error:
+        yield Finding(str(run.path / STATES), f"cannot be read: {error.strerror}")
+        return
+    for label in sorted(files.keys() - known):
+        yield Finding(str(files[label]), "was not committed: the next writer looks at it", note=True)
+    for path in names:
+        if path.name.startswith(TEMPORARY):
+            yield Finding(str(path), "unfinished: the next writer removes it", note=True)
+        elif ".damaged-" in path.name:
+            yield Finding(str(path), "put aside as damaged", note=True)
+
+
+def check_states(run: Run, labels: list[int] | None = None) -> Iterator[Checked]:
+    """Check the files of a run's states, or of some, one by one; none where the log is damaged."""
+    try:
+        entries = run.entries()
+    except StoreError:
+        return
+    for label in entries if labels is None else labels:
+        yield _check_state(run, label, entries)
+
+
+def _check_state(run: Run, label: int, entries: dict[int, dict[str, Any]]) -> Checked:
+    path = run.state_path(label)
+    try:
+        record = run.load_entry(label, entries[label])
+    except StoreError as error:
+        return Checked(label, path, None, (_from_error(path, error),))
+    found = []
+    if not agrees(entries[label]["state"], record):
+        found.append(Finding(str(run.log_path), f"its line on state {label} is not what {path.name} holds"))
+    if record.parent is not None and not 0 < record.parent < label:
+        found.append(Finding(str(path), f"its parent is state {record.parent}, which is not earlier"))
+    return Checked(label, path, record, tuple(found))
+
+
+def check_file(path: Path) -> Checked:
+    """Check a state file outside of a run by the hashes that it carries."""
+    try:
+        record = decode(path)
+    except StoreError as error:
+        return Checked(None, path, None, (_from_error(path, error),))
+    return Checked(None, path, record, ())
+
+
+def _from_error(path: Path, error: StoreError) -> Finding:
+    """An error as a finding; its message begins with the path where it can."""
+    where, text = str(path), str(error)
+    return Finding(where, text.removeprefix(f"{where}: "))

@@ -1,0 +1,94 @@
+"""How far a run has come: what its config names, against what is stored. Opens no state file."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..config import load_config
+from ..errors import RibbonError, StoreError
+from ..store import Run
+from .plan import plan_of
+
+RUN_STATUSES = ("complete", "running", "waiting", "failed", "damaged", "unknown")
+"""Words for a run as a whole: all targets certified; being written to; targets left; targets missed; ..."""
+
+Place = tuple[float, int]
+
+
+def standing(run: Run) -> dict[str, Any]:
+    """A run in a few words, JSON-able; `damage` is empty or says why the rest is unknown.
+
+    Of the equilibria that the config names, `done` have a certificate, `failed` were not reached or have
+    none, `running` is in hand and `waiting` is left; None where the config does not tell.
+    """
+    facts: dict[str, Any] = {
+        "name": run.name,
+        "short_name": run.short_name,
+        "path": str(run.path),
+        "aside": run.is_aside,
+    }
+    unknown = ("equilibria", "states", "last_change", "complete", "done", "running", "waiting", "failed")
+    try:
+        events = run.events()
+        states = run.states()
+    except StoreError as error:
+        return facts | {"status": "damaged"} | dict.fromkeys(unknown) | {"holder": None, "damage": str(error)}
+    holder = run.holder()
+    counts = _counts(run, events, states, bool(holder))
+    return facts | {
+        "status": _status(counts, bool(holder)),
+        "equilibria": len(states),
+        "states": len(run.entries()),
+        "last_change": events[-1]["time"] if events else None,
+        **counts,
+        "holder": {key: holder[key] for key in ("pid", "host", "since")} if holder else None,
+        "damage": "",
+    }
+
+
+def _counts(
+    run: Run, events: list[dict[str, Any]], states: list[dict[str, Any]], held: bool
+) -> dict[str, Any]:
+    """How many of the planned equilibria are in which state."""
+    planned = _planned(run)
+    if planned is None:
+        return dict.fromkeys(("complete", "done", "running", "waiting", "failed"))
+    reached: dict[Place, bool] = {}
+    for state in states:
+        place = (state["half_width"], state["segments"])
+        reached[place] = reached.get(place, False) or bool(state["certified"])
+    ended = [event for event in events if event["event"] == "ended"]
+    missed = {(b, n) for b, n in ended[-1]["missed"]} if ended and not held else set()
+    done = {place for place in planned if reached.get(place)}
+    failed = {place for place in planned - done if place in reached or place in missed}
+    left = len(planned - done - failed)
+    running = int(held and left > 0)
+    return {
+        "complete": planned <= reached.keys(),
+        "done": len(done),
+        "running": running,
+        "waiting": left - running,
+        "failed": len(failed),
+    }
+
+
+def _planned(run: Run) -> set[Place] | None:
+    """The equilibria that a run's config names by width and N, None where that cannot be told."""
+    try:
+        stages = plan_of(load_config(run.path / "resolved.yaml")).stages
+    except RibbonError:
+        return None
+    places = {(stage.half_width, stage.segments) for stage in stages if stage.kind == "equilibrium"}
+    known = {(b, n) for b, n in places if b is not None and n is not None}
+    return known if len(known) == len(places) else None
+
+
+def _status(counts: dict[str, Any], held: bool) -> str:
+    """The run in one word."""
+    if held:
+        return "running"
+    if counts["done"] is None:
+        return "unknown"
+    if counts["waiting"]:
+        return "waiting"
+    return "failed" if counts["failed"] else "complete"

@@ -1,0 +1,65 @@
+"""A solve killed at any moment, inside of commits too, loses nothing and resumes to the same bytes."""
+
+from __future__ import annotations
+
+import random
+import shutil
+import time
+
+import pytest
+from fault_support import QUICK, Marks, child, contents, kill_after, solve_in, wait
+
+from ribbon_cli.store import list_runs
+
+
+@pytest.fixture(scope="module")
+def alone(tmp_path_factory):
+    """Hashes of the uninterrupted run, and how long it takes."""
+    folder = tmp_path_factory.mktemp("alone")
+    (folder / "quick.yaml").write_text(QUICK)
+    started = time.monotonic()
+    assert wait(child(lambda: solve_in(folder))) == 0
+    (run,) = list_runs(folder / "runs")
+    return contents(run), time.monotonic() - started
+
+
+def kills(alone, folder, monkeypatch, count: int, seed: int) -> int:
+    """Kill that many solves, resume each to its end; how many kills fell into a commit."""
+    expected, seconds = alone
+    chance = random.Random(seed)
+    marks = Marks()
+    marks.watch(monkeypatch)
+    inside = killed = 0
+    while killed < count:
+        shutil.rmtree(folder / "runs", ignore_errors=True)
+        (folder / "quick.yaml").write_text(QUICK)
+        for _ in range(1 + (killed % 5 == 0)):  # now and then the resumed one is killed as well
+            marks.memory[0] = 0
+            pid = child(lambda: solve_in(folder))
+            if killed % 2:
+                time.sleep(chance.uniform(0.0, seconds))
+                hit = kill_after(pid, chance.uniform(0.0, 0.03), marks)
+            else:
+                hit = kill_after(pid, chance.uniform(0.0, 1.1 * seconds))
+            killed += hit
+            inside += hit and marks.committing
+            if hit and (folder / "runs").is_dir():
+                for run in list_runs(folder / "runs"):
+                    kept = contents(run)
+                    assert kept.items() <= expected.items()
+        assert wait(child(lambda: solve_in(folder))) == 0
+        (run,) = list_runs(folder / "runs")
+        assert contents(run) == expected
+        assert not [path for path in run.path.rglob("*") if ".damaged-" in path.name]
+    return inside
+
+
+def test_some_kills(alone, tmp_path, monkeypatch):
+    assert kills(alone, tmp_path, monkeypatch, 4, seed=1) >= 1
+
+
+@pytest.mark.faults
+def test_five_hundred_kills(alone, tmp_path, monkeypatch, figure):
+    inside = kills(alone, tmp_path, monkeypatch, 500, seed=2)
+    figure(f"500 kills, {inside} of them inside a commit")
+    assert inside >= 100
