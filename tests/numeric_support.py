@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,9 @@ from ribbon_cli.model import folding
 from ribbon_cli.model.band import Band, Discretisation, Multipliers, State
 from ribbon_cli.model.problem import LocalDerivatives, Prescription, Problem
 from ribbon_cli.recipes.cylinder import cylinder
+from ribbon_cli.solver.continuation import to_segments
 from ribbon_cli.solver.kkt import KKTMatrix
+from ribbon_cli.solver.newton import Options
 
 Array = NDArray[np.float64]
 DATA = Path(__file__).parent / "data"
@@ -24,6 +27,17 @@ def load(name: str) -> tuple[State, Multipliers]:
     with np.load(DATA / f"{name}.npz") as z:
         band = Band(len(z["u"]), float(z["half_width"]), float(z["length"]), int(z["sigma"]))
         return State(band, z["u"], z["g"], z["xi"]), Multipliers.from_vector(band.segments, z["multipliers"])
+
+
+@lru_cache(maxsize=1)
+def ladder() -> dict[int, tuple[State, Multipliers]]:
+    """The pi band of half-width 0.5 at N = 50, 100, 200, 400."""
+    states = {50: load("pi-b0.5-N50")}
+    for n in (100, 200, 400):
+        found = to_segments(states[n // 2][0], n, Options()).result
+        assert found.certified
+        states[n] = found.state, found.named_multipliers()
+    return states
 
 
 def rotation(seed: int) -> Array:

@@ -6,13 +6,12 @@ Frames: t = d', n = g x t, b = t x n with g = eta t + b, g' = eta' t and tau = k
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
 import pytest
 import sympy as sp
-from numeric_support import Array, load, ring
+from numeric_support import Array, ladder, load, ring
 from sympy import Matrix, cosh, tanh
 
 from ribbon_cli.model.band import Discretisation, Multipliers, State
@@ -162,6 +161,61 @@ def test_lambda_2_to_lambda_5_in_the_darboux_frame() -> None:
     assert is_zero(-pull[0] - b * k**2 * (1 + e**2) ** 2 * F(xi) - (lam[3] * e).diff(s))
 
 
+def test_formulas_fulfil_equilibrium_identically_and_gamma_is_what_is_left() -> None:
+    """(1.70)-(1.78) as functions of kappa, eta and xi: (1.62), and (1.61) along t, vanish for any shape."""
+    k, e, x = (sp.Function(name)(s) for name in ("kappa", "eta", "xi"))
+    size, f, f1 = 1 + e**2, F(x), sp.diff(F(xi), xi).subs(xi, x)
+    stiff, moment = 2 * b * k**2 * size * f, b * k * size**2 * f
+    five = -b / 2 * k**2 * size**2 * f1 * cosh(x) ** 2
+    four = -(b * five.diff(s) + stiff * e) / k
+    three = b * five - four.diff(s) / k
+    two = (stiff * size + b * five.diff(s) * e) / 2
+    t, n, normal = Matrix([1, 0, 0]), Matrix([0, 1, 0]), Matrix([0, 0, 1])
+    turn = Matrix([[0, -k, 0], [k, 0, -k * e], [0, k * e, 0]])
+
+    def derivative(v: Matrix) -> Matrix:
+        return v.diff(s) + turn * v
+
+    g = e * t + normal
+    rulings = derivative(four * t.cross(g) + b * five * t) + stiff * g
+    rulings -= 2 * two * (g - e * t) + three * k * n
+    assert all(sp.expand(entry) == 0 for entry in rulings)
+    pull = -gamma[0]  # (1.78), gamma in the frame (t, n, e)
+    one = (moment * k + (three * e).diff(s) + 2 * two * e**2 - b * five * e.diff(s) + pull) / 2
+    slope = e.diff(s)
+    bracket = derivative(moment * n - three * g) + 2 * one * t - 2 * two * e * g
+    bracket += four * g.cross(slope * t) + b * five * slope * t
+    assert sp.expand(bracket[0] + gamma[0]) == 0
+    assert sp.expand(bracket[1] - (moment.diff(s) + four * slope)) == 0  # -gamma.n
+    assert sp.expand(bracket[2] - (moment * k * e - three.diff(s) - 2 * two * e)) == 0  # -gamma.e
+
+
+def test_lambda_5_is_conjugate_to_the_slope_of_eta() -> None:
+    """(1.63) eliminates xi: -b lambda_5 is the derivative of Wunderlich's density (1.48) in eta'."""
+    rise = sp.Symbol("x", positive=True)
+    density = b / 2 * kappa**2 * (1 + eta**2) ** 2 * sp.atanh(rise) / rise  # rise = b eta'
+    factor = sp.diff(xi / tanh(xi), xi)
+    five = -b / 2 * kappa**2 * (1 + eta**2) ** 2 * factor * cosh(xi) ** 2
+    conjugate = b * sp.diff(density, rise)  # b d/d(b eta')
+    difference = (conjugate + b * five.subs(xi, sp.atanh(rise))).subs(
+        {b: 2, kappa: 3, eta: sp.Rational(1, 2)}
+    )
+    for value in (sp.Rational(1, 7), sp.Rational(1, 2), sp.Rational(9, 10)):
+        assert abs(sp.N(difference.subs(rise, value), 30)) < 1e-25
+
+
+def test_how_fast_rulings_meet_at_an_inflection() -> None:
+    """1 - (b eta')^2 = sech^2 xi = m^2 F' / (2 b |g|^4 F^2 (-lambda_5)), with F ~ xi and F' ~ 1."""
+    size, factor, rate = sp.symbols("size F F1", positive=True)
+    moment = b * kappa * size**2 * factor
+    five = -b / 2 * kappa**2 * size**2 * rate * cosh(xi) ** 2
+    sech = moment**2 * rate / (2 * b * size**2 * factor**2 * -five)
+    assert is_zero(sech - 1 / cosh(xi) ** 2)
+    large = xi / tanh(xi)
+    assert sp.limit(large / xi, xi, sp.oo) == 1
+    assert sp.limit(sp.diff(large, xi), xi, sp.oo) == 1
+
+
 # --- chapters 2 and 3 ---
 
 
@@ -271,17 +325,6 @@ class Errors:
     lambda_3_shifted: float
     lambda_4: float
     lambda_5: float
-
-
-@lru_cache(maxsize=1)
-def ladder() -> dict[int, tuple[State, Multipliers]]:
-    """The pi band of half-width 0.5 at N = 50, 100, 200, 400."""
-    states = {50: load("pi-b0.5-N50")}
-    for n in (100, 200, 400):
-        found = to_segments(states[n // 2][0], n, Options()).result
-        assert found.certified
-        states[n] = found.state, found.named_multipliers()
-    return states
 
 
 def shifted(values: Array, by: int, sign: int) -> Array:

@@ -17,15 +17,20 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("ref", metavar="[RUN|STATE|all]", default="all", shell_complete=complete_any)
+@click.option("--continuum", is_flag=True, help="Hold a RUN or a STATE against the continuum instead.")
 @common_options
 @pass_settings
-def verify(settings: Settings, ref: str) -> int:
+def verify(settings: Settings, ref: str, continuum: bool) -> int:
     """Check a RUN, a STATE or all runs.
 
     Files are compared with the hashes that were committed, and what they say of a shape is computed again
     from the shape: energy, residuals, inertia, linking number, contact, geometry. The exit code is 4 when
     anything differs.
     """
+    if continuum:
+        from ribbon_cli.cli.continuum_command import show_continuum
+
+        return show_continuum(settings, ref)
     from ribbon_cli.study import verify as check
 
     found = check(settings.root, ref)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from .branch_tables import courses
+    from .continuum import continuum_of, continuum_of_run, equilibrium_residuals, multiplier_curves
     from .given import given_band
     from .mode_limits import SpectralTable, run_spectra, spectral_convergence
     from .onward import continue_state
@@ -34,9 +35,13 @@ __all__ = [
     "Verification",
     "arrays_of",
     "continue_state",
+    "continuum_of",
+    "continuum_of_run",
     "courses",
     "document_of",
+    "equilibrium_residuals",
     "given_band",
+    "multiplier_curves",
     "plan_of",
     "refine_state",
     "rerun",
@@ -63,9 +68,13 @@ _HOMES = {
     "Verification": "verification",
     "arrays_of": "stability",
     "continue_state": "onward",
+    "continuum_of": "continuum",
+    "continuum_of_run": "continuum",
     "courses": "branch_tables",
     "document_of": "stability",
+    "equilibrium_residuals": "continuum",
     "given_band": "given",
+    "multiplier_curves": "continuum",
     "plan_of": "plan",
     "refine_state": "refine",
     "rerun": "repeat",

@@ -1,0 +1,56 @@
+"""`ribbon verify --continuum`: how far discrete states are from the continuum, and at which order."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ribbon_cli.cli.output import complain, emit, emit_json
+from ribbon_cli.cli.settings import Settings
+from ribbon_cli.errors import TargetError, UsageError
+from ribbon_cli.store.refs import names_state
+
+
+def show_continuum(settings: Settings, ref: str) -> int:
+    """Print what a state, or the states of a run over N, say of the continuum; return the exit code.
+
+    Equilibria without certificate are named on standard error, and make it 3. Raises UsageError for a
+    reference to nothing, to an auxiliary state or to a run without equilibria.
+    """
+    if ref == "all":
+        raise UsageError("--continuum needs a RUN or a STATE: name one (`ribbon ls` lists the runs)")
+    show = _show_state if names_state(ref) else _show_run
+    document, text, uncertified = show(settings, ref)
+    emit_json(document) if settings.json else emit(text)
+    for name in uncertified:
+        complain(f"ribbon: {name}: no certificate")
+    return TargetError.exit_code if uncertified else 0
+
+
+def _show_state(settings: Settings, ref: str) -> tuple[dict[str, Any], str, list[str]]:
+    """One state as a document and as text; its name if it is an equilibrium without certificate."""
+    from ribbon_cli.api import open_state
+    from ribbon_cli.report.continuum import state_document, state_text
+    from ribbon_cli.study import continuum_of
+
+    run, record, path = open_state(ref, settings.runs)
+    name = f"{run.short_name}:{record.label}" if run else str(path)
+    found = continuum_of(record, name)
+    failed = record.kind == "equilibrium" and not record.certified
+    return state_document(found, run.name if run else None), state_text(found), [name] if failed else []
+
+
+def _show_run(settings: Settings, ref: str) -> tuple[dict[str, Any], str, list[str]]:
+    """A run's tables over N as a document and as text; the states without certificate."""
+    from ribbon_cli.report.continuum import order_tables, tables_document, tables_text
+    from ribbon_cli.store import find_run
+    from ribbon_cli.study import continuum_of_run
+
+    run = find_run(settings.root, ref)
+    found = continuum_of_run(run)
+    if not found:
+        raise UsageError(
+            f"{run.name} has no equilibria yet; `ribbon ls {run.short_name} --all` lists its states"
+        )
+    tables = order_tables(found)
+    failed = [f"{run.short_name}:{state.label}" for state in found if not state.certified]
+    return tables_document(tables, run.name), tables_text(tables), failed
