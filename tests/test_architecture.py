@@ -22,9 +22,13 @@ RANKS = {
     "config": 4,
     "store": 4,
     "report": 5,
+    "export": 5,
+    "plot": 6,
     "study": 6,
-    "api": 7,
-    "cli": 8,
+    "pages": 7,
+    "api": 8,
+    "cli": 9,
+    "paper": 9,
 }
 """A room imports from itself and from rooms of lower rank; see docs/architecture.md."""
 FRONT_DOORS = {"__init__", "__main__"}
@@ -32,7 +36,10 @@ FRONT_DOORS = {"__init__", "__main__"}
 CLOSED = {
     "config": {"model", "solver", "recipes"},
     "store": {"model", "solver", "recipes"},  # files outlive the mathematics that filled them
-    "report": {"solver", "recipes"},  # reads states, never solves
+    "report": {"model", "solver", "recipes"},  # reads states, never solves
+    "export": {"model", "solver", "recipes"},
+    "plot": {"model", "solver", "recipes"},
+    "pages": {"model", "solver", "recipes"},
     "cli": {"model", "solver", "recipes"},  # holds no numerics
 }
 """Rooms of lower rank that a room keeps out of all the same."""

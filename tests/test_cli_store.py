@@ -243,7 +243,7 @@ def test_export_writes_npz(folder):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["--to", "npy"], "no format 'npy' (known: npz); did you mean npz?"),
+        (["--to", "npy"], "did you mean ply or npz?"),
         (["--to", "npz", "-o", "runs"], "runs: is a folder: name a file with -o"),
         (["--to", "npz", "-o", "none/x.npz"], "none/x.npz: its folder does not exist"),
     ],

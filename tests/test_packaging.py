@@ -8,7 +8,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
 TEST_TOOLS = ("pytest", "hypothesis", "sympy")
-"""What the tests import beside the dependencies; the other tools of [dev] run in one version only."""
+"""What the tests import beside the dependencies; the other tools of [dev] run in one version only, those that
+read exports among them."""
 
 
 def pins(lines: list[str], operator: str) -> dict[str, str]:

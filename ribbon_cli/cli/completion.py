@@ -176,6 +176,11 @@ def _nothing(ctx: click.Context, incomplete: str) -> Iterator[str]:
     return iter(())
 
 
+def complete_words(words: tuple[str, ...]) -> _Callback:
+    """A callback that offers fixed words."""
+    return _candidates(lambda ctx, incomplete: iter(words))
+
+
 complete_run = _candidates(_run_names)
 complete_state = _candidates(_references, "file")
 complete_any = _candidates(_states_or_runs, "file")

@@ -1,52 +1,115 @@
-"""`ribbon export`: states in the formats of other programs."""
+"""`ribbon export`: states and runs in the formats of other programs."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import os
 from typing import TYPE_CHECKING
 
 import click
 
-from ribbon_cli.cli.completion import complete_file, complete_state
+from ribbon_cli.cli.completion import complete_file, complete_state, complete_words
 from ribbon_cli.cli.output import check_target, emit, emit_json
+from ribbon_cli.cli.plot_command import open_run_or_state
 from ribbon_cli.cli.settings import Settings, common_options, pass_settings
 from ribbon_cli.errors import UsageError
 
 if TYPE_CHECKING:
-    from ribbon_cli.store import StateRecord
+    from ribbon_cli.store import Run, StateRecord
 
-
-def _to_npz(record: StateRecord, path: str, overwrite: bool) -> None:
-    from ribbon_cli.store import export_npz
-
-    export_npz(record, path, overwrite)
-
-
-_WRITERS: dict[str, Callable[[StateRecord, str, bool], None]] = {"npz": _to_npz}
-"""Writer by format, which is the default file's suffix as well. A new format is a new row."""
+EXPORT_FORMATS = ("npz", "vtkhdf", "obj", "stl", "ply", "csv", "json", "svg", "pdf", "html")
+"""Formats, which are the default file's suffix as well; `export.formats` is not loaded for a line of help."""
 
 
 @click.command()
 @click.argument("state", shell_complete=complete_state)
-@click.option("--to", "form", metavar="FORMAT", required=True, help=f"One of: {', '.join(_WRITERS)}.")
+@click.option(
+    "--to",
+    "form",
+    metavar="FORMAT",
+    required=True,
+    shell_complete=complete_words(EXPORT_FORMATS),
+    help=f"One of: {', '.join(EXPORT_FORMATS)}.",
+)
 @click.option("-o", "--output", metavar="PATH", shell_complete=complete_file, help="Else RUN-LABEL.FORMAT.")
+@click.option("--size", metavar="MM", type=float, help="Length of the midline: stl (200), svg and pdf (500).")
+@click.option("--thickness", metavar="MM", type=float, help="Of the wall: stl (1).")
+@click.option("--paper", metavar="NAME", help="A4 or Letter: svg (one sheet unless given), pdf (A4).")
+@click.option("--segments", metavar="N", type=click.IntRange(min=3), help="Of a run, the states with this N.")
 @click.option("--overwrite", is_flag=True, help="Replace the file if there is one.")
 @common_options
 @pass_settings
-def export(settings: Settings, state: str, form: str, output: str | None, overwrite: bool) -> None:
-    """Write a STATE in another format."""
-    from ribbon_cli.api import open_state
+def export(
+    settings: Settings,
+    state: str,
+    form: str,
+    output: str | None,
+    size: float | None,
+    thickness: float | None,
+    paper: str | None,
+    segments: int | None,
+    overwrite: bool,
+) -> None:
+    """Write a STATE in another format.
+
+    svg and pdf are the fold pattern at true scale. vtkhdf and html take a run as well, and then its states of
+    one N, by width.
+    """
+    from ribbon_cli.export.formats import FORMATS, Options, check_options, states_of_run
     from ribbon_cli.store import content_sha256, suggest
 
-    if form not in _WRITERS:
-        known = f"known: {', '.join(_WRITERS)}"
-        raise UsageError(f"no format {form!r} ({known}){suggest(form, _WRITERS)}")
-    run, record, source = open_state(state, settings.runs)
-    stem = f"{run.short_name}-{record.label}" if run else source.stem
+    if form not in EXPORT_FORMATS:
+        known = f"known: {', '.join(EXPORT_FORMATS)}"
+        raise UsageError(f"no format {form!r} ({known}){suggest(form, EXPORT_FORMATS)}")
+    options = Options(size, thickness, paper, segments)
+    if form != "npz":
+        check_options(form, options)
+    elif options != Options():
+        raise UsageError("npz has no options: it holds the state as it is")
+    run, states = open_run_or_state(settings, state)
+    if not states:
+        assert run is not None
+        if form == "npz":
+            raise UsageError(f"npz takes one state: name one of {run.name}, as in {run.short_name}:1")
+        states, stem = states_of_run(form, run, options), run.short_name
+    elif segments is not None:
+        raise UsageError("--segments goes with a run, and the reference names a state")
+    else:
+        stem = f"{run.short_name}-{states[0].label}" if run else os.path.splitext(os.path.basename(state))[0]
     path = output or f"{stem}.{form}"
     check_target(path, overwrite, "add --overwrite, or choose another with -o")
-    _WRITERS[form](record, path, overwrite)
-    if settings.json:
-        emit_json({"path": path, "format": form, "content_sha256": content_sha256(record)})
+    if form == "npz":
+        from ribbon_cli.store import export_npz
+
+        export_npz(states[0], path, overwrite)
+        paths = [path]
     else:
-        emit(path)
+        title = _title(run, states)
+        data = FORMATS[form].write(states, title, run.name if run else None, options)
+        paths = _write(path, data, overwrite)
+    if settings.json:
+        hashes = [content_sha256(record) for record in states]
+        document = {"path": paths[0], "format": form, "content_sha256": hashes[0]}
+        more = {"paths": paths, "states": hashes} if len(paths) > 1 or len(states) > 1 else {}
+        emit_json(document | more)
+    else:
+        emit("\n".join(paths))
+
+
+def _title(run: Run | None, states: tuple[StateRecord, ...]) -> str:
+    """What a file says of its data."""
+    from ribbon_cli.plot.figure import state_caption
+
+    return state_caption(states, run.name if run else None)
+
+
+def _write(path: str, data: list[bytes], overwrite: bool) -> list[str]:
+    """Write the files, numbered where there are several, and return their names."""
+    from ribbon_cli.store import write_atomic
+
+    stem, suffix = os.path.splitext(path)
+    paths = [path] if len(data) == 1 else [f"{stem}-{k}{suffix}" for k in range(1, len(data) + 1)]
+    for name in paths:
+        check_target(name, overwrite, "add --overwrite, or choose another with -o")
+    for name, content in zip(paths, data, strict=True):
+        write_atomic(name, content, overwrite=overwrite)
+    return paths

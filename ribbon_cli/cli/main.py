@@ -17,6 +17,8 @@ from ribbon_cli.cli.continue_command import continue_
 from ribbon_cli.cli.export_command import export
 from ribbon_cli.cli.group import RibbonGroup, Stopped
 from ribbon_cli.cli.output import emit, emit_json
+from ribbon_cli.cli.plot_command import plot
+from ribbon_cli.cli.report_command import report_page
 from ribbon_cli.cli.run_commands import pack, path, repair, rerun, rm, unpack
 from ribbon_cli.cli.settings import Settings, common_options, pass_settings
 from ribbon_cli.cli.solve_commands import refine, solve
@@ -97,7 +99,7 @@ def completion(settings: Settings, shell: str | None) -> None:
 _COMMANDS = (
     *(init, check, solve, refine, continue_, convergence_table, spectrum),
     *(ls, show, compare, path, verify, repair, rerun, pack, unpack, rm),
-    *(export, completion),
+    *(plot, export, report_page, completion),
 )
 for _command in _COMMANDS:
     cli.add_command(_command)

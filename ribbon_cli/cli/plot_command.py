@@ -1,0 +1,144 @@
+"""`ribbon plot`: pictures of states and runs."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING
+
+import click
+
+from ribbon_cli.cli.completion import complete_any, complete_file, complete_words
+from ribbon_cli.cli.output import check_target, emit, emit_json, say
+from ribbon_cli.cli.settings import Settings, common_options, pass_settings
+from ribbon_cli.errors import UsageError
+
+if TYPE_CHECKING:
+    from ribbon_cli.plot.kinds import Source
+    from ribbon_cli.report.convergence import Table
+    from ribbon_cli.store import Run, StateRecord
+
+PLOT_KINDS = ("shape", "geometry", "multipliers", "spectrum", "convergence", "branch", "family", "pattern")
+"""Kinds of picture, as in `plot.kinds.KINDS`, which is not loaded for a line of help."""
+
+
+@click.command()
+@click.argument("ref", shell_complete=complete_any)
+@click.argument("kind", shell_complete=complete_words(PLOT_KINDS))
+@click.option(
+    "-o",
+    "--output",
+    metavar="PATH",
+    shell_complete=complete_file,
+    help="PDF, SVG or PNG; else RUN-LABEL-KIND.pdf.",
+)
+@click.option("--style", "look", metavar="STYLE", default="paper", help="paper (default) or talk.")
+@click.option(
+    "--with", "others", metavar="STATE", multiple=True, shell_complete=complete_any, help="Another state."
+)
+@click.option("--view", metavar="AZIMUTH,ELEVATION", help="Degrees, in the band's own axes; else chosen.")
+@click.option("--segments", metavar="N", type=click.IntRange(min=3), help="Of a run, the states with this N.")
+@click.option("--no-caption", is_flag=True, help="Leave the line out that says what is shown.")
+@click.option("--overwrite", is_flag=True, help="Replace the file if there is one.")
+@common_options
+@pass_settings
+def plot(
+    settings: Settings,
+    ref: str,
+    kind: str,
+    output: str | None,
+    look: str,
+    others: tuple[str, ...],
+    view: str | None,
+    segments: int | None,
+    no_caption: bool,
+    overwrite: bool,
+) -> None:
+    """Draw a state or a run, from what is stored.
+
+    \b
+    KIND of a state:           shape, pattern
+    KIND of states or a run:   geometry, multipliers, spectrum
+    KIND of a run:             convergence, branch, family
+    """
+    from ribbon_cli.plot.figure import add_caption, figure_format, find_style, image, state_caption
+    from ribbon_cli.plot.kinds import KINDS, draw
+    from ribbon_cli.plot.style import styled
+    from ribbon_cli.store import suggest, write_atomic
+
+    if kind not in KINDS:
+        raise UsageError(f"no kind of picture {kind!r} (known: {', '.join(KINDS)}){suggest(kind, KINDS)}")
+    style = find_style(look)
+    form = figure_format(output) if output else "pdf"
+    source = _source(settings, ref, others, view, segments)
+    path = output or f"{_stem(source, ref)}-{kind}.pdf"
+    check_target(path, overwrite, "add --overwrite, or choose another with -o")
+    picture = draw(kind, source, style)
+    run = source.run.name if source.run else None
+    caption = state_caption(picture.states, run) if picture.states else str(run)
+    with styled(style):
+        if not no_caption:
+            add_caption(picture.figure, f"{picture.title}. {caption}.", style)
+    write_atomic(path, image(picture.figure, form, style, picture.title, caption), overwrite=overwrite)
+    if settings.json:
+        labels = [record.label for record in picture.states]
+        emit_json({"path": path, "kind": kind, "run": run, "labels": labels, "caption": caption})
+    else:
+        emit(path)
+        say(settings, f"{picture.title}. {caption}.")
+
+
+def _source(
+    settings: Settings, ref: str, others: tuple[str, ...], view: str | None, segments: int | None
+) -> Source:
+    """What the references name. Raises UsageError."""
+    from ribbon_cli.plot.kinds import Source
+
+    run, states = open_run_or_state(settings, ref)
+    if others:
+        if not states:
+            raise UsageError("--with goes with a state, and the reference names a run")
+        more = [open_run_or_state(settings, other) for other in others]
+        if any(not found for _, found in more):
+            raise UsageError("--with needs a state, not a run")
+        states = (*states, *(record for _, found in more for record in found))
+        run = run if run and all(other and other.path == run.path for other, _ in more) else None
+    return Source(run, states, _table, _angles(view), segments)
+
+
+def open_run_or_state(settings: Settings, ref: str) -> tuple[Run | None, tuple[StateRecord, ...]]:
+    """A run and no state, or a state in a tuple and its run if it has one. Raises UsageError."""
+    from ribbon_cli.api import open_state
+    from ribbon_cli.store import find_run
+
+    if not (":" in ref or "@" in ref or os.path.isfile(ref) or ref.endswith((".h5", ".hdf5", ".npz"))):
+        return find_run(settings.root, ref), ()
+    run, record, _ = open_state(ref, settings.runs)
+    return run, (record,)
+
+
+def _angles(text: str | None) -> tuple[float, float] | None:
+    """A view as typed. Raises UsageError."""
+    if text is None:
+        return None
+    try:
+        azimuth, elevation = (float(part) for part in text.split(","))
+    except ValueError:
+        raise UsageError(f"--view {text}: expected two numbers of degrees, as in --view 30,20") from None
+    if not (abs(azimuth) < 1e6 and abs(elevation) <= 90):
+        raise UsageError(f"--view {text}: the elevation lies between -90 and 90")
+    return azimuth, elevation
+
+
+def _stem(source: Source, ref: str) -> str:
+    """Name of the default file without its ending."""
+    if source.run is None:
+        return os.path.splitext(os.path.basename(ref))[0]
+    return "-".join([source.run.short_name, *(str(record.label) for record in source.states[:1])])
+
+
+def _table(run: Run) -> Table:
+    """The convergence table of a run."""
+    from ribbon_cli.report.convergence import convergence_rows
+    from ribbon_cli.study import table_entries
+
+    return convergence_rows(table_entries(run), *(state["length"] for state in run.states()[:1]))

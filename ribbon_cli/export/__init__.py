@@ -1,0 +1,1 @@
+"""States and branches in the formats of other programs. Reads stored states, never solves."""

@@ -1,0 +1,99 @@
+"""Fields along the midline, counted from where the inflections lie evenly.
+
+Where the strip's seam lies is a matter of labels. For comparison and for the eye, alpha is measured so that n
+inflections lie about l/(2n), 3 l/(2n), ...: one at l/2, two at l/4 and 3 l/4, three at l/6, l/2, 5 l/6. On a
+one-sided band, fields that are odd in g change sign across the seam, so that moving it turns some of them
+over.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ribbon_cli.export.mesh import FACET_FIELDS, ODD_FIELDS, is_closed
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from ribbon_cli.store import StateRecord
+
+    Array = NDArray[np.float64]
+
+FLAT = 1e-6
+"""Curvature, relative to the ring's 2 pi/l, below which a change of sign is rounding and no inflection."""
+
+
+def inflections(record: StateRecord) -> Array:
+    """Places alpha in [0, l), ascending, where kappa_s changes sign, by linear interpolation between nodes.
+
+    Node 1 lies at alpha = 0. On a one-sided band kappa_s of node 1 as seen from facet N has the opposite
+    sign.
+    """
+    kappa = record.kappa_s
+    h = record.length / record.segments
+    following = np.append(kappa[1:], record.sigma * kappa[0])
+    least = FLAT * 2 * np.pi / record.length
+    crossing = (kappa * following < 0) & (np.maximum(np.abs(kappa), np.abs(following)) > least)
+    share = kappa[crossing] / (kappa[crossing] - following[crossing])
+    found = (np.flatnonzero(crossing) + share) * h
+    # A zero at a node itself: the sign differs on its two sides.
+    before = np.append(record.sigma * kappa[-1], kappa[:-1])
+    at_node = (kappa == 0) & (before * following < 0) & (np.abs(before) > least)
+    return np.sort(np.concatenate((found, np.flatnonzero(at_node) * h))) % record.length
+
+
+@dataclass(frozen=True)
+class Window:
+    """A way to count along the band: from node `first` (0-based), which lies at `alpha` = `offset`; sign
+    `flip`.
+    """
+
+    first: int
+    offset: float
+    flip: int
+
+
+AS_STORED = Window(0, 0.0, 1)
+
+
+def even_window(record: StateRecord) -> Window:
+    """The window in which the inflections lie about the odd multiples of l/(2n); as stored where there are
+    none.
+
+    The sign is such that kappa_s is positive before the first inflection. Of several places to begin, the one
+    nearest to the stored seam is taken.
+    """
+    found = inflections(record)
+    if not found.size or not is_closed(record):
+        return AS_STORED
+    h = record.length / record.segments
+    # With the first inflection given, the start that puts all of them where they belong on average.
+    places = (np.arange(found.size) + 0.5) * record.length / found.size
+    starts = []
+    for k in range(found.size):
+        turned = np.roll(found, -k)
+        turned = turned + record.length * (np.arange(found.size) >= found.size - k)
+        starts.append(float((turned - places).mean()))
+    start = min(starts, key=lambda s: min(s % record.length, -s % record.length))
+    first = int(np.ceil(start / h - 1e-9))
+    offset = first * h - start
+    _, kappa = field(record, "kappa_s", Window(first % record.segments, offset, 1))
+    early = kappa[: max(1, record.segments // (4 * found.size))]
+    return Window(first % record.segments, offset, -1 if early.mean() < 0 else 1)
+
+
+def field(record: StateRecord, name: str, window: Window = AS_STORED) -> tuple[Array, Array]:
+    """Places alpha (N,) and values (N,) of a field, counted as `window` says."""
+    n = record.segments
+    h = record.length / n
+    values = np.roll(getattr(record, name), -window.first)
+    if name in ODD_FIELDS:
+        values = values * window.flip
+        if record.sigma < 0 and window.first:
+            values[n - window.first :] *= -1.0
+    half = 0.5 * h if name in FACET_FIELDS else 0.0
+    alpha: Array = window.offset + half + h * np.arange(n, dtype=np.float64)
+    return alpha, values

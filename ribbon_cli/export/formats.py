@@ -1,0 +1,141 @@
+"""What `ribbon export` can write: each format, what it takes, and its files."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from ribbon_cli.errors import UsageError
+from ribbon_cli.export.series import branch
+
+if TYPE_CHECKING:
+    from ribbon_cli.store import Run, StateRecord
+
+MOST_STATES = 400
+"""Most states that an export of a run takes."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """What the formats can be told; None stands for a format's own choice.
+
+    `size` length of the midline and `thickness` of the wall in millimetres; `paper` a sheet's name;
+    `segments` the N of a run's states.
+    """
+
+    size: float | None = None
+    thickness: float | None = None
+    paper: str | None = None
+    segments: int | None = None
+
+
+@dataclass(frozen=True)
+class Format:
+    """A format: what it is, whether it takes a whole run, and which options it heeds.
+
+    `write` returns the files' bytes, one but for a pattern on pages.
+    """
+
+    help: str
+    write: Callable[[Sequence[StateRecord], str, str | None, Options], list[bytes]]
+    series: bool = False
+    options: tuple[str, ...] = ()
+
+
+STL_SIZE, STL_THICKNESS, PATTERN_SIZE = 200.0, 1.0, 500.0
+"""Defaults in millimetres: what fits common printers, and a strip of two sheets of A4."""
+
+
+def _obj(states: Sequence[StateRecord], title: str, run: str | None, options: Options) -> list[bytes]:
+    from ribbon_cli.export.meshes import obj_bytes
+
+    return [obj_bytes(states[0], title)]
+
+
+def _ply(states: Sequence[StateRecord], title: str, run: str | None, options: Options) -> list[bytes]:
+    from ribbon_cli.export.meshes import ply_bytes
+
+    return [ply_bytes(states[0], title)]
+
+
+def _stl(states: Sequence[StateRecord], title: str, run: str | None, options: Options) -> list[bytes]:
+    from ribbon_cli.export.meshes import stl_bytes
+
+    size = STL_SIZE if options.size is None else options.size
+    thickness = STL_THICKNESS if options.thickness is None else options.thickness
+    return [stl_bytes(states[0], title, size, thickness)]
+
+
+def _vtkhdf(states: Sequence[StateRecord], title: str, run: str | None, options: Options) -> list[bytes]:
+    from ribbon_cli.export.vtkhdf import vtkhdf_bytes
+
+    return [vtkhdf_bytes(states, title)]
+
+
+def _csv(states: Sequence[StateRecord], title: str, run: str | None, options: Options) -> list[bytes]:
+    from ribbon_cli.export.text import csv_bytes
+
+    return [csv_bytes(states[0], title)]
+
+
+def _json(states: Sequence[StateRecord], title: str, run: str | None, options: Options) -> list[bytes]:
+    from ribbon_cli.export.text import json_bytes
+
+    return [json_bytes(states[0], run)]
+
+
+def _svg(states: Sequence[StateRecord], title: str, run: str | None, options: Options) -> list[bytes]:
+    from ribbon_cli.export.pattern import fold_pattern
+    from ribbon_cli.export.svg import pages, pattern_svg
+
+    pattern = fold_pattern(states[0], PATTERN_SIZE if options.size is None else options.size)
+    found = pages(pattern, options.paper)[2]
+    return [pattern_svg(pattern, title, options.paper, page.number) for page in found]
+
+
+def _pdf(states: Sequence[StateRecord], title: str, run: str | None, options: Options) -> list[bytes]:
+    from ribbon_cli.export.pattern import fold_pattern
+    from ribbon_cli.export.svg import pattern_pdf
+
+    pattern = fold_pattern(states[0], PATTERN_SIZE if options.size is None else options.size)
+    return [pattern_pdf(pattern, title, options.paper or "A4")]
+
+
+def _html(states: Sequence[StateRecord], title: str, run: str | None, options: Options) -> list[bytes]:
+    from ribbon_cli.export.viewer import viewer_html
+
+    return [viewer_html(states, title, run)]
+
+
+FORMATS = {
+    "obj": Format("surface, Wavefront OBJ", _obj),
+    "stl": Format("solid of a paper's thickness for 3D printing", _stl, options=("size", "thickness")),
+    "ply": Format("surface with fields, binary PLY", _ply),
+    "vtkhdf": Format("surface with fields for ParaView; a run as a series", _vtkhdf, True, ("segments",)),
+    "csv": Format("fields, a row a node", _csv),
+    "json": Format("everything but the modes", _json),
+    "svg": Format("fold pattern at true scale", _svg, options=("size", "paper")),
+    "pdf": Format("fold pattern at true scale on sheets", _pdf, options=("size", "paper")),
+    "html": Format("viewer in one file; a run with a slider for the width", _html, True, ("segments",)),
+}
+"""Formats but for npz, which is the store's own. A new format is a new row."""
+
+
+def check_options(name: str, options: Options) -> None:
+    """Raise UsageError for an option that the format does not heed."""
+    for option in ("size", "thickness", "paper", "segments"):
+        if getattr(options, option) is not None and option not in FORMATS[name].options:
+            fitting = [known for known, form in FORMATS.items() if option in form.options]
+            raise UsageError(f"--{option} does nothing for {name}: it is for {', '.join(fitting)}")
+
+
+def states_of_run(name: str, run: Run, options: Options) -> tuple[StateRecord, ...]:
+    """The states that a format takes of a run, by width. Raises UsageError for a format of single states."""
+    found = branch(run, options.segments)
+    if not FORMATS[name].series:
+        example = f"{run.short_name}:{found[-1]['label']}"
+        raise UsageError(f"{name} takes one state: name one of {run.name}, for instance {example}")
+    if len(found) > MOST_STATES:
+        raise UsageError(f"{run.name} has {len(found)} widths, and {name} takes at most {MOST_STATES}")
+    return tuple(run.load(state["label"]) for state in found)

@@ -1,0 +1,129 @@
+"""A stored state as a surface: vertices, flat quadrilaterals and the fields on them.
+
+Facet i is the flat quadrilateral between rulings i and i+1; ruling i runs from the edge d_i - b g_i to
+the edge d_i + b g_i, so that x(alpha, s) = d(alpha) + s g(alpha), |s| <= b, Koldaev (2022), (1.11), (2.3).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from ribbon_cli.store import StateRecord
+
+    Array = NDArray[np.float64]
+    Indices = NDArray[np.int64]
+
+CLOSED = 1e-6
+"""Largest gap at the seam, in units of the length, of a band that counts as closed."""
+
+NODE_FIELDS = ("kappa_s", "tau", "eta", "lambda_2", "lambda_3")
+"""Fields (N,) of a state that sit at nodes, that is on rulings."""
+FACET_FIELDS = ("eta_prime", "xi", "lambda_1", "lambda_4", "lambda_5")
+"""Fields (N,) of a state that sit on facets."""
+ODD_FIELDS = ("kappa_s", "eta", "eta_prime", "xi", "lambda_3", "lambda_5")
+"""Fields that change sign with g, and so across the seam of a one-sided band."""
+
+
+@dataclass(frozen=True)
+class Strip:
+    """The rulings of a band and the facets between them.
+
+    `low`, `high` (R, 3) are the rulings' ends at -b g and +b g. Facet i lies between rulings `near[i]` and
+    `far[i]` (N,); on a one-sided band that is closed, the last facet meets the first ruling turned round.
+    Facets `first` begin a piece and facets `last` end one: a closed band has neither, an open strip one of
+    each, a band in two pieces two. Rulings 0..N-1 are the near ones; the far ones of `last` follow in that
+    order.
+    """
+
+    low: Array
+    high: Array
+    near: Indices
+    far: Indices
+    first: tuple[int, ...]
+    last: tuple[int, ...]
+
+    @property
+    def closed(self) -> bool:
+        """Whether the band is closed."""
+        return not self.last
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Vertices and faces of a band.
+
+    `points` (2R, 3): ruling r of the strip has its end at -b g in row 2r and at +b g in row 2r + 1. `quads`
+    (N, 4) go round each facet.
+    """
+
+    points: Array
+    quads: Indices
+    strip: Strip
+
+
+def is_closed(record: StateRecord) -> bool:
+    """Whether the two ends of the strip meet: closed midline, g_{N+1} = sigma g_1, not cut elsewhere."""
+    gap = np.abs(record.midline[-1] - record.midline[0]).max() / record.length
+    turn = np.abs(record.g_end - record.sigma * record.g[0]).max()
+    return bool(gap <= CLOSED and turn <= CLOSED and record.cut_node is None)
+
+
+def strip(record: StateRecord) -> Strip:
+    """The rulings and facets of a state, closed, open at its seam, or in two pieces."""
+    n, b, h = record.segments, record.half_width, record.length / record.segments
+    near = np.arange(n)
+    if is_closed(record):
+        start = record.midline[:-1]
+        return Strip(start - b * record.g, start + b * record.g, near, (near + 1) % n, (), ())
+    ends = {n - 1: record.g_end}
+    if record.cut_node is not None and record.g_cut is not None:
+        ends = {record.cut_node - 2: record.g_cut} | ends
+    last = tuple(ends)
+    places = np.vstack((record.midline[:-1], *(record.midline[i] + h * record.u[i] for i in last)))
+    g = np.vstack((record.g, *ends.values()))
+    far = near + 1
+    far[list(last)] = n + np.arange(len(last))
+    first = (0, *(i + 1 for i in last[:-1]))
+    return Strip(places - b * g, places + b * g, near, far, first, last)
+
+
+def facet_corners(record: StateRecord) -> Array:
+    """Corners (N, 4, 3) of the facets: -b g_i, +b g_i, +b g_{i+1}, -b g_{i+1}."""
+    mesh = surface(record)
+    corners: Array = mesh.points[mesh.quads]
+    return corners
+
+
+def facet_normals(record: StateRecord) -> Array:
+    """Unit normals (N, 3) of the facets, g x u normed: the side towards which kappa_s > 0 bends."""
+    n = np.cross(record.g, record.u)
+    unit: Array = n / np.linalg.norm(n, axis=1)[:, None]
+    return unit
+
+
+def surface(record: StateRecord) -> Surface:
+    """The band's surface, its seam joined where it is closed."""
+    rulings = strip(record)
+    points = np.stack((rulings.low, rulings.high), axis=1).reshape(-1, 3)
+    near, far = rulings.near, rulings.far
+    quads = np.column_stack((2 * near, 2 * near + 1, 2 * far + 1, 2 * far)).astype(np.int64)
+    if rulings.closed and record.sigma < 0:
+        quads[-1, 2:] = quads[-1, [3, 2]]
+    return Surface(points, quads, rulings)
+
+
+def node_values(record: StateRecord, name: str, rulings: Strip) -> Array:
+    """A node field at the rulings of a strip; the ends of pieces have their last facet's near value.
+
+    At the end of a whole open strip that is node 1's value as facet N sees it.
+    """
+    values: Array = getattr(record, name)
+    if len(rulings.last) == 1:
+        return np.append(values, values[0] * (record.sigma if name in ODD_FIELDS else 1))
+    return np.append(values, values[list(rulings.last)])

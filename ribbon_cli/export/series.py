@@ -1,0 +1,68 @@
+"""States of a run that belong together: a branch in the width, and levels of refinement."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from ribbon_cli.errors import UsageError
+from ribbon_cli.store.refs import WIDTH_TOLERANCE
+
+if TYPE_CHECKING:
+    from ribbon_cli.store import Run
+
+
+def latest(states: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Of states with the same half-width and N the latest certified, else the latest; by b, then N."""
+    chosen: list[dict[str, Any]] = []
+    for state in states:
+        for k, other in enumerate(chosen):
+            if same_width(state, other) and state["segments"] == other["segments"]:
+                if state["certified"] or not other["certified"]:
+                    chosen[k] = state
+                break
+        else:
+            chosen.append(state)
+    return sorted(chosen, key=lambda state: (state["half_width"], state["segments"]))
+
+
+def same_width(one: dict[str, Any], other: dict[str, Any]) -> bool:
+    """Whether two states have the same half-width, as references understand it."""
+    return math.isclose(one["half_width"], other["half_width"], rel_tol=WIDTH_TOLERANCE)
+
+
+def branch(run: Run, segments: int | None = None) -> list[dict[str, Any]]:
+    """Equilibria of a run at one N by width: the N asked for, else that of most widths, else the finest.
+
+    Raises UsageError where there is none.
+    """
+    states = latest(run.states())
+    if not states:
+        raise UsageError(
+            f"{run.name} has no equilibria yet; `ribbon ls {run.short_name} --all` lists its states"
+        )
+    counts: dict[int, int] = {}
+    for state in states:
+        counts[state["segments"]] = counts.get(state["segments"], 0) + 1
+    if segments is None:
+        segments = max(counts, key=lambda n: (counts[n], n))
+    if segments not in counts:
+        known = ", ".join(map(str, sorted(counts)))
+        raise UsageError(f"{run.name} has no equilibrium with N = {segments}: it has N = {known}")
+    return [state for state in states if state["segments"] == segments]
+
+
+def finest(run: Run) -> list[dict[str, Any]]:
+    """The finest equilibrium of each half-width, by width. Raises UsageError where there is none."""
+    branch(run)
+    found: dict[float, dict[str, Any]] = {}
+    for state in latest(run.states()):
+        key = next((b for b in found if math.isclose(b, state["half_width"], rel_tol=WIDTH_TOLERANCE)), None)
+        found[state["half_width"] if key is None else key] = state
+    return list(found.values())
+
+
+def levels(run: Run, half_width: float) -> list[dict[str, Any]]:
+    """The equilibria of one half-width by N."""
+    at = {"half_width": half_width}
+    return [state for state in latest(run.states()) if same_width(state, at)]

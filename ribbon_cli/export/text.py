@@ -1,0 +1,61 @@
+"""States as CSV and JSON."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ribbon_cli.export.mesh import FACET_FIELDS, NODE_FIELDS
+from ribbon_cli.store import summary
+from ribbon_cli.store.log import to_json
+
+if TYPE_CHECKING:
+    from ribbon_cli.store import StateRecord
+
+_ARRAYS = ("u", "g", "xi", "g_end", "midline", "kappa_s", "tau", "eta", "eta_prime")
+_MULTIPLIERS = ("lambda_1", "lambda_2", "lambda_3", "lambda_4", "lambda_5", "gamma")
+
+
+def csv_bytes(record: StateRecord, title: str) -> bytes:
+    """The fields as CSV, one row for node i and facet i, after lines of `#` with the title.
+
+    `alpha_node` and `alpha_facet` say where the two lie: fields of a node stand left of those of its facet.
+    Numbers are written so that they read back exactly.
+    """
+    out = io.StringIO()
+    out.write(f"# {title}\n")
+    writer = csv.writer(out, lineterminator="\n")
+    h = record.length / record.segments
+    index = np.arange(record.segments)
+    columns: dict[str, list[Any]] = {"i": (index + 1).tolist(), "alpha_node": (h * index).tolist()}
+    for name in ("midline", "g"):
+        values = getattr(record, name)[: record.segments]
+        columns |= {f"{name}_{axis}": values[:, k].tolist() for k, axis in enumerate("xyz")}
+    columns |= {name: getattr(record, name).tolist() for name in NODE_FIELDS}
+    columns["alpha_facet"] = (h * (index + 0.5)).tolist()
+    columns |= {f"u_{axis}": record.u[:, k].tolist() for k, axis in enumerate("xyz")}
+    columns |= {name: getattr(record, name).tolist() for name in FACET_FIELDS}
+    writer.writerow(columns)
+    writer.writerows(zip(*columns.values(), strict=True))
+    return out.getvalue().encode()
+
+
+def json_bytes(record: StateRecord, run: str | None) -> bytes:
+    """What `ribbon show --json` says of a state, with its arrays under `arrays` and its `spectra`."""
+    document = summary(record, run)
+    document["arrays"] = {name: getattr(record, name).tolist() for name in (*_ARRAYS, *_MULTIPLIERS)}
+    document["spectra"] = {
+        spectrum.metric: {
+            "complete": spectrum.complete,
+            "values": spectrum.values.tolist(),
+            "residuals": spectrum.residuals.tolist(),
+            "labels": list(spectrum.labels),
+            "sliding_overlap": spectrum.sliding_overlap.tolist(),
+        }
+        for spectrum in record.spectra
+    }
+    return (json.dumps(to_json(document), indent=1, allow_nan=False) + "\n").encode()

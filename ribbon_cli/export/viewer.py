@@ -1,0 +1,89 @@
+"""States as one HTML file that shows them in the round: no network, no other files.
+
+The page is `data/viewer.html` with the states put in as JSON. Coordinates and fields are single precision,
+which is finer than any screen, in base64.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Sequence
+from importlib import resources
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ribbon_cli.export.align import turned_alike
+from ribbon_cli.export.fields import even_window, field
+from ribbon_cli.export.mesh import FACET_FIELDS, ODD_FIELDS, facet_corners, strip
+from ribbon_cli.export.view import automatic_view
+from ribbon_cli.store import content_sha256
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from ribbon_cli.store import StateRecord
+
+    Array = NDArray[np.float64]
+
+FIELDS = ("kappa_s", "tau", "eta", "eta_prime", "lambda_1", "lambda_2", "lambda_3", "lambda_4", "lambda_5")
+"""Fields that the page can colour a surface by."""
+
+
+def viewer_html(records: Sequence[StateRecord], title: str, run: str | None) -> bytes:
+    """The page for states in the order of its slider."""
+    from html import escape
+
+    placed = turned_alike([facet_corners(record) for record in records])
+    document = {
+        "title": title,
+        "turn": automatic_view(placed[-1]).axes.ravel().tolist(),
+        "run": run,
+        "facetFields": [name for name in FIELDS if name in FACET_FIELDS],
+        "oddFields": [name for name in FIELDS if name in ODD_FIELDS],
+        "states": [_state(record, corners) for record, corners in zip(records, placed, strict=True)],
+    }
+    # "</" would end the script that holds the data.
+    data = json.dumps(document, separators=(",", ":"), allow_nan=False).replace("</", "<\\/")
+    page = resources.files("ribbon_cli.export").joinpath("data/viewer.html").read_text(encoding="utf-8")
+    page = page.replace("{{title}}", escape(title)).replace("{{data}}", data)
+    return page.encode()
+
+
+def _state(record: StateRecord, placed: Array) -> dict[str, Any]:
+    """One state for the page: the corners -b g_i, +b g_i, +b g_{i+1}, -b g_{i+1} of its facets and its
+    fields.
+    """
+    window, pieces = even_window(record), strip(record)
+    found = {name: field(record, name, window)[1] for name in FIELDS}
+    return {
+        "label": record.label,
+        "b": record.half_width,
+        "N": record.segments,
+        "length": record.length,
+        "energy": _number(record.energy),
+        "Lk": _number(record.linking_number),
+        "certified": record.certified,
+        "status": record.status,
+        "contact": record.self_contact,
+        "sigma": record.sigma,
+        "starts": list(pieces.first),
+        "ends": list(pieces.last),
+        "sha256": content_sha256(record),
+        "first": window.first,
+        "offset": window.offset,
+        "corners": _packed(placed),
+        "fields": {name: _packed(values) for name, values in found.items()},
+    }
+
+
+def _packed(values: Array) -> str:
+    """Numbers as little-endian float32 in base64; what is not finite becomes 0."""
+    finite = np.nan_to_num(values, nan=0.0, posinf=0.0, neginf=0.0)
+    return base64.b64encode(finite.astype("<f4").tobytes()).decode("ascii")
+
+
+def _number(value: float) -> float | None:
+    """A number for JSON, None where it is not finite."""
+    return float(value) if np.isfinite(value) else None

@@ -1,0 +1,103 @@
+"""Branches as VTKHDF files, which ParaView and VTK open as a series in the half-width.
+
+The layout is that of VTKHDF 2.0, type UnstructuredGrid: one part a step, and under `Steps` where each step
+begins in every dataset.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ribbon_cli.export.mesh import FACET_FIELDS, NODE_FIELDS, facet_normals, node_values, surface
+
+if TYPE_CHECKING:
+    import h5py
+
+    from ribbon_cli.store import StateRecord
+
+QUAD = 9
+"""VTK's number for a quadrilateral."""
+SCALARS = ("half_width", "length", "energy", "linking_number", "twist", "writhe", "clearance")
+
+
+def vtkhdf_bytes(records: Sequence[StateRecord], title: str) -> bytes:
+    """States in the order given, one time step each; a step's time is its half-width.
+
+    Points have the fields at nodes and `across` (-1 and +1 at the two edges), cells those at facets, the unit
+    normal and the facet's number. The same states give the same bytes.
+    """
+    import h5py
+
+    buffer = io.BytesIO()
+    with h5py.File(buffer, "w", libver=("earliest", "v110")) as file:
+        root = file.create_group("VTKHDF")
+        root.attrs["Version"] = np.array([2, 0], dtype=np.int64)
+        root.attrs["Type"] = np.bytes_(b"UnstructuredGrid")
+        root.attrs["Description"] = np.bytes_(title.encode())
+        _write(root, [_step(record) for record in records], [record.half_width for record in records])
+    return buffer.getvalue()
+
+
+def _step(record: StateRecord) -> dict[str, Any]:
+    """One state's arrays: `points`, `quads`, `PointData`, `CellData`, `FieldData`."""
+    mesh = surface(record)
+    point_data = {name: np.repeat(node_values(record, name, mesh.strip), 2) for name in NODE_FIELDS}
+    point_data["across"] = np.tile([-1.0, 1.0], len(mesh.points) // 2)
+    cell_data = {name: getattr(record, name) for name in FACET_FIELDS}
+    cell_data |= {"normal": facet_normals(record), "facet": np.arange(1, record.segments + 1)}
+    field_data = {name: np.array([getattr(record, name)], dtype=np.float64) for name in SCALARS}
+    field_data |= {
+        name: np.array([int(getattr(record, name))]) for name in ("label", "certified", "self_contact")
+    }
+    return {
+        "points": mesh.points,
+        "quads": mesh.quads,
+        "PointData": point_data,
+        "CellData": cell_data,
+        "FieldData": field_data,
+    }
+
+
+def _write(root: h5py.Group, steps: Sequence[dict[str, Any]], times: Sequence[float]) -> None:
+    """Write the steps one after another, and where each begins."""
+    points = [len(step["points"]) for step in steps]
+    cells = [len(step["quads"]) for step in steps]
+    _array(root, "NumberOfPoints", np.array(points, dtype=np.int64))
+    _array(root, "NumberOfCells", np.array(cells, dtype=np.int64))
+    _array(root, "NumberOfConnectivityIds", 4 * np.array(cells, dtype=np.int64))
+    _array(root, "Points", np.concatenate([step["points"] for step in steps]))
+    _array(root, "Connectivity", np.concatenate([step["quads"].ravel() for step in steps]))
+    _array(root, "Offsets", np.concatenate([4 * np.arange(n + 1, dtype=np.int64) for n in cells]))
+    _array(root, "Types", np.full(sum(cells), QUAD, dtype=np.uint8))
+    series = root.create_group("Steps")
+    series.attrs["NSteps"] = np.int64(len(steps))
+    _array(series, "Values", np.array(times, dtype=np.float64))
+    count = np.arange(len(steps), dtype=np.int64)
+    _array(series, "PartOffsets", count)
+    _array(series, "NumberOfParts", np.ones(len(steps), dtype=np.int64))
+    starts = {"PointData": _starts(points), "CellData": _starts(cells), "FieldData": count}
+    _array(series, "PointOffsets", starts["PointData"])
+    _array(series, "CellOffsets", starts["CellData"][:, None])
+    _array(series, "ConnectivityIdOffsets", 4 * starts["CellData"][:, None])
+    for kind, start in starts.items():
+        group, offsets = root.create_group(kind), series.create_group(f"{kind}Offsets")
+        for name in steps[0][kind]:
+            _array(group, name, np.concatenate([step[kind][name] for step in steps]))
+            _array(offsets, name, start)
+    sizes = series.create_group("FieldDataSizes")
+    for name in steps[0]["FieldData"]:
+        _array(sizes, name, np.tile(np.array([1, 1], dtype=np.int64), (len(steps), 1)))
+
+
+def _starts(sizes: Sequence[int]) -> np.ndarray[Any, np.dtype[np.int64]]:
+    """Where each block of so many rows begins."""
+    return np.concatenate(([0], np.cumsum(sizes)[:-1])).astype(np.int64)
+
+
+def _array(group: h5py.Group, name: str, data: np.ndarray[Any, Any]) -> None:
+    """One dataset, without times."""
+    group.create_dataset(name, data=data, track_times=False)

@@ -1,0 +1,1 @@
+"""Results as HTML pages in one file each: no network, no other files."""

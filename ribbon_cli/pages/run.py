@@ -1,0 +1,183 @@
+"""A run on one page: what was asked for, what came of it, and what a referee would want to see of it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from ribbon_cli.errors import UsageError
+from ribbon_cli.export.series import branch, finest, latest
+from ribbon_cli.pages.html import Cell, heading, page, paragraph, picture, preformatted, table
+from ribbon_cli.plot.figure import image, state_caption
+from ribbon_cli.plot.kinds import Source, draw
+from ribbon_cli.plot.style import Style
+from ribbon_cli.report.convergence import Table, convergence_rows
+from ribbon_cli.report.tables import RENDERERS
+from ribbon_cli.study import table_entries
+
+if TYPE_CHECKING:
+    from ribbon_cli.store import Run, StateRecord
+
+SCREEN = Style("screen", 6.3, 8.0, 1.0, 0.35, 3.0, 130)
+"""The look of `paper` with dots enough for a screen."""
+MOST_SHAPES = 3
+_PROVENANCE = ("argv", "started", "hostname", "platform", "git_revision", "git_dirty", "blas", "blas_threads")
+
+
+def run_page(run: Run) -> bytes:
+    """The page of a run, from what is stored. Raises UsageError for a run without equilibria, StoreError."""
+    shown = finest(run)
+    records = [run.load(state["label"]) for state in shown]
+    body = [heading(1, f"Run {run.short_name}"), *_summary(run, records)]
+    body += [heading(2, "Equilibria"), _states(latest(run.states()))]
+    body += [heading(2, "Shapes"), *_shapes(run, records)]
+    body += [heading(2, "Fields and branch"), *_pictures(run)]
+    body += [heading(2, "Convergence"), *_convergence(run)]
+    body += [heading(2, "How it was reached"), *_stages(run)]
+    body += [heading(2, "Config as written"), preformatted((run.path / "config.yaml").read_text("utf-8"))]
+    body += [heading(2, "Config as resolved"), preformatted((run.path / "resolved.yaml").read_text("utf-8"))]
+    body += [heading(2, "Provenance"), _provenance(records)]
+    return page(f"Run {run.short_name}", body)
+
+
+def _summary(run: Run, records: list[StateRecord]) -> list[str]:
+    """What the run is and whether it can be relied on, in a few sentences."""
+    states, every = run.states(), run.states(all=True)
+    certified = sum(state["certified"] for state in states)
+    kinds: dict[str, int] = {}
+    for state in every:
+        kinds[state["kind"]] = kinds.get(state["kind"], 0) + 1
+    counts = ", ".join(f"{count} {kind}" for kind, count in kinds.items())
+    touching = [state["half_width"] for state in states if state["self_contact"]]
+    contact = f"Self-contact from b = {min(touching):.6g} on." if touching else "No self-contact."
+    worst = max(state["kkt_residual"] or float("nan") for state in states)
+    linking = sorted(
+        {round(state["linking_number"], 6) for state in states if state["linking_number"] is not None}
+    )
+    return [
+        paragraph(
+            f"{run.name}: {len(states)} equilibria at {len(records)} half-widths, {certified} of them "
+            f"certified minima of their discrete problem: stationary, no facet inverted, positive definite "
+            f"on the constraints by exact count. Stored states: {counts}."
+        ),
+        paragraph(
+            f"Linking numbers found: {', '.join(f'{lk:g}' for lk in linking)}. Largest gradient residual of "
+            f"an equilibrium: {worst:.1e}. {contact}"
+        ),
+    ]
+
+
+def _states(states: list[dict[str, Any]]) -> str:
+    """The equilibria with their certificates."""
+    head = (
+        "b",
+        "N",
+        "label",
+        "E",
+        "status",
+        "certificate",
+        "neg.",
+        "gradient",
+        "constraints",
+        "Lk",
+        "clearance",
+    )
+    rows: list[list[Cell]] = []
+    for state in states:
+        negative = state["negative_eigenvalues"]
+        rows.append(
+            [
+                (f"{state['half_width']:.6g}", "n"),
+                (str(state["segments"]), "n"),
+                (str(state["label"]), "n"),
+                (_number(state["energy"], ".9f"), "n"),
+                state["status"],
+                ("yes", "yes") if state["certified"] else ("no", "no"),
+                ("?" if negative is None else str(negative), "n"),
+                (_number(state["kkt_residual"], ".1e"), "n"),
+                (_number(state["constraint_residual"], ".1e"), "n"),
+                (_number(state["linking_number"], ".4g"), "n"),
+                ("contact" if state["self_contact"] else _number(state["clearance"], ".3g"), "n"),
+            ]
+        )
+    return table(head, rows)
+
+
+def _shapes(run: Run, records: list[StateRecord]) -> list[str]:
+    """The shapes in a row, and a few alone."""
+    out = []
+    if len(records) > 1:
+        out.append(_picture(run, "family", ()))
+    step = max(1, -(-len(records) // MOST_SHAPES))
+    out += [_picture(run, "shape", (record,)) for record in records[::step]]
+    return out
+
+
+def _pictures(run: Run) -> list[str]:
+    """What else can be drawn of the run."""
+    kinds = ["geometry", "multipliers"]
+    if len(branch(run)) > 1:
+        kinds.append("branch")
+    out = [_picture(run, kind, ()) for kind in kinds]
+    try:
+        out.append(_picture(run, "spectrum", ()))
+    except UsageError as error:
+        out.append(paragraph(f"No spectra: {error}"))
+    return out
+
+
+def _convergence(run: Run) -> list[str]:
+    """The table, and its picture where there are two levels."""
+    out = [preformatted(RENDERERS["text"](_table(run), ()))]
+    try:
+        out.append(_picture(run, "convergence", ()))
+    except UsageError:
+        out.append(paragraph("One level of refinement only: nothing can be said of N to infinity."))
+    return out
+
+
+def _picture(run: Run, kind: str, states: tuple[StateRecord, ...]) -> str:
+    """A picture with its caption. Raises UsageError where the data lack for it."""
+    drawn = draw(kind, Source(run, states, _table), SCREEN)
+    caption = f"{drawn.title}. {state_caption(drawn.states, run.name) if drawn.states else run.name}."
+    return picture(image(drawn.figure, "png", SCREEN, drawn.title, caption), caption)
+
+
+def _table(run: Run) -> Table:
+    """The run's convergence table."""
+    return convergence_rows(table_entries(run), *(state["length"] for state in run.states()[:1]))
+
+
+def _stages(run: Run) -> list[str]:
+    """Every stored state: its stage, and where it came from; and what went on at it."""
+    head = ("label", "kind", "stage", "from", "method", "steps", "E", "status")
+    rows: list[list[Cell]] = []
+    events: list[str] = []
+    for label in run.entries():
+        record = run.load(label)
+        parent = record.parent_ref or ("" if record.parent is None else str(record.parent))
+        energy = (_number(record.energy, ".9f"), "n")
+        steps = (str(record.newton_steps), "n")
+        number = (str(label), "n")
+        rows.append([number, record.kind, record.stage, parent, record.method, steps, energy, record.status])
+        events += [f"{label}: {event}" for event in record.events]
+    out = [table(head, rows)]
+    if events:
+        out += [heading(3, "Events, by label"), preformatted("\n".join(events))]
+    return out
+
+
+def _provenance(records: list[StateRecord]) -> str:
+    """Which program made the shown states, where and when; what they all have in common is said once."""
+    rows: list[list[Cell]] = []
+    names = [name for name in records[0].provenance if name.startswith("version_") or name in _PROVENANCE]
+    for name in names:
+        values = list(dict.fromkeys(str(record.provenance.get(name, "")) for record in records))
+        rows.append([name, values[0] if len(values) == 1 else f"{values[0]} ... {values[-1]}"])
+    seconds = sum(float(record.provenance.get("cpu_seconds", 0.0)) for record in records)
+    rows.append(["cpu_seconds of the states shown", f"{seconds:.2f}"])
+    return table(("", ""), rows)
+
+
+def _number(value: float | None, spec: str) -> str:
+    """A number as text, a dash where it is unknown."""
+    return "–" if value is None else format(value, spec)

@@ -1,0 +1,317 @@
+"""What chapter 3 of Koldaev (2022) says of its bands, held against stored states.
+
+Each function returns checks: the claim in a few words, what was found with its numbers, and whether they
+agree; None where the data cannot decide. A tolerance stands beside its claim.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ribbon_cli.export.fields import Window, even_window, field, inflections
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from ribbon_cli.store import SpectrumRecord, StateRecord
+
+    Array = NDArray[np.float64]
+
+MULTIPLIERS = tuple(f"lambda_{k}" for k in range(1, 6))
+PERIODIC = 0.01
+"""Largest mismatch, relative to the field's largest value, that counts as (anti)periodic."""
+NEAR = 2.0
+"""Facets within which an extremum counts as lying at an inflection."""
+
+
+@dataclass(frozen=True)
+class Check:
+    """A claim, what was found, and whether it agrees (None: not decided); `note` says why where it does
+    not.
+    """
+
+    claim: str
+    found: str
+    agrees: bool | None
+    note: str = ""
+
+
+def _where(record: StateRecord) -> str:
+    return f"b = {record.half_width:g}, N = {record.segments}"
+
+
+def _places(record: StateRecord) -> Array:
+    """Inflections in the window in which figures are drawn, ascending."""
+    window = even_window(record)
+    h = record.length / record.segments
+    return np.sort((inflections(record) - window.first * h + window.offset) % record.length)
+
+
+def inflection_count(record: StateRecord, expected: int) -> Check:
+    """How often the signed curvature changes sign."""
+    places = _places(record)
+    shown = ", ".join(f"{alpha:.4f}" for alpha in places)
+    word = {1: "one inflection point", 2: "two", 3: "three inflection points"}[expected]
+    return Check(
+        f"{word}, where the signed curvature vanishes ({_where(record)})",
+        f"{places.size}, at alpha = {shown}" if places.size else "none",
+        bool(places.size == expected),
+    )
+
+
+def half_a_band_apart(record: StateRecord) -> Check:
+    """Whether two inflections lie opposite to each other: with the origin chosen, at pi/2 and 3 pi/2."""
+    places = _places(record)
+    if places.size != 2:
+        return Check("the two points lie half a band apart", f"{places.size} points", False)
+    gap = float(places[1] - places[0])
+    return Check(
+        "the two points lie near alpha = 1.5 and 4.7, half a band apart (to one facet)",
+        f"{places[0]:.4f} and {places[1]:.4f}, apart by {gap:.5f} of l/2 = {record.length / 2:.5f}",
+        abs(gap - record.length / 2) <= record.length / record.segments,
+        "the origin is chosen so that they lie evenly",
+    )
+
+
+def torsion_vanishes(record: StateRecord) -> Check:
+    """The torsion at the nodes next to the inflections, against its largest value.
+
+    tau = kappa_s eta vanishes with kappa_s wherever eta is finite; what is left at a node falls with h.
+    """
+    shares = _torsion_shares(record, 0)
+    return Check(
+        f"the torsion vanishes at the inflection ({_where(record)}; below 5 % at the nearest node)",
+        f"nearest node: {', '.join(f'{100 * share:.3g} %' for share in shares)} of the largest |tau|",
+        bool(shares and max(shares) < 0.05),
+    )
+
+
+def torsion_dips(record: StateRecord) -> Check:
+    """Whether the torsion falls at the inflections without dropping to zero at a node."""
+    at, beside = _torsion_shares(record, 0), _torsion_shares(record, 3)
+    return Check(
+        f"the torsion falls at the two points, but not to zero ({_where(record)})",
+        f"nearest node: {', '.join(f'{100 * share:.3g} %' for share in at)} of the largest |tau|; three "
+        f"nodes further: {', '.join(f'{100 * share:.3g} %' for share in beside)}",
+        bool(at and min(at) > 0 and all(low < high for low, high in zip(at, beside, strict=True))),
+        "tau = kappa_s eta is zero where kappa_s is: what is left at a node is the grid's doing"
+        + _coarse(record),
+    )
+
+
+def _torsion_shares(record: StateRecord, further: int) -> list[float]:
+    """|tau| relative to its largest, so many nodes beyond the node nearest to each inflection."""
+    alpha, tau = field(record, "tau", even_window(record))
+    size = np.abs(tau) / float(np.abs(tau).max())
+    nearest = [int(np.argmin(np.abs(alpha - place))) for place in _places(record)]
+    sides = (-further, further)
+    return [float(max(size[(k + side) % record.segments] for side in sides)) for k in nearest]
+
+
+def _coarse(record: StateRecord) -> str:
+    """A warning where facets are longer than half the layers beside inflections, of width b."""
+    ratio = record.length / record.segments / record.half_width
+    return f"; h = {ratio:.2f} b does not resolve layers of width b" if ratio > 0.5 else ""
+
+
+def extremum_at_inflections(record: StateRecord, names: Sequence[str] = MULTIPLIERS) -> list[Check]:
+    """Whether multipliers have a local extremum within `NEAR` facets of each inflection."""
+    window = even_window(record)
+    h = record.length / record.segments
+    checks = []
+    for name in names:
+        alpha, values = _second_order(record, name, window)
+        distances = [_distance_to_extremum(alpha, values, place) / h for place in _places(record)]
+        worst = max(distances, default=math.inf)
+        checks.append(
+            Check(
+                f"{name} has a local extremum at each inflection ({_where(record)})",
+                f"nearest extremum: {', '.join(f'{d:.2f}' for d in distances)} facets away",
+                bool(worst <= NEAR),
+            )
+        )
+    return checks
+
+
+def _second_order(record: StateRecord, name: str, window: Window) -> tuple[Array, Array]:
+    """A multiplier as it approximates its field at second order: lambda_3 less h lambda_2 eta
+    (docs/errata.md).
+    """
+    alpha, values = field(record, name, window)
+    if name == "lambda_3":
+        h = record.length / record.segments
+        values = values - h * field(record, "lambda_2", window)[1] * field(record, "eta", window)[1]
+    return alpha, values
+
+
+def _distance_to_extremum(alpha: Array, values: Array, place: float) -> float:
+    """Distance from a place to the nearest point where the slope changes sign."""
+    slope = np.diff(values)
+    turns = np.flatnonzero(slope[1:] * slope[:-1] <= 0) + 1
+    return float(np.abs(alpha[turns] - place).min()) if turns.size else math.inf
+
+
+def largest_at_inflections(record: StateRecord, names: Sequence[str]) -> list[Check]:
+    """Whether multipliers have their largest modulus at every inflection, to 0.1 %."""
+    window = even_window(record)
+    h = record.length / record.segments
+    checks = []
+    for name in names:
+        alpha, values = field(record, name, window)
+        size = np.abs(values)
+        at = float(alpha[int(size.argmax())])
+        places = _places(record)
+        distance = float(np.abs(places - at).min()) / h
+        beside = [float(size[np.argmin(np.abs(alpha - p))]) / float(size.max()) for p in places]
+        shares = ", ".join(f"{100 * share:.4g} %" for share in beside)
+        checks.append(
+            Check(
+                f"|{name}| is largest at each inflection ({_where(record)})",
+                f"largest at alpha = {at:.4f}, {distance:.1f} facets away; at inflections {shares} of that",
+                bool(min(beside, default=0.0) >= 0.999),
+                _coarse(record).removeprefix("; "),
+            )
+        )
+    return checks
+
+
+def injectivity_nearly_active(record: StateRecord) -> Check:
+    """The largest |b eta'| = |tanh xi|, and where: 1 is where rulings meet at the edge."""
+    alpha, xi = field(record, "xi", even_window(record))
+    value = np.abs(np.tanh(xi))
+    at = float(alpha[int(value.argmax())])
+    distance = min((abs(at - place) for place in _places(record)), default=math.inf)
+    near = distance <= max(NEAR * record.length / record.segments, record.half_width)
+    return Check(
+        f"the injectivity constraint is nearly active close to an inflection ({_where(record)})",
+        f"largest |tanh xi| = {value.max():.6f}, {distance:.3g} from an inflection",
+        bool(value.max() > 0.95 and near),
+    )
+
+
+def shifted(record: StateRecord, name: str, parts: int, sign: int) -> tuple[float, float]:
+    """Mismatch of f(alpha + l/parts) - sign f(alpha), relative to the largest |f|, and of its best shift.
+
+    `parts` must divide N. On a one-sided band fields that are odd in g are continued past the seam with their
+    sign changed.
+    """
+    _, values = field(record, name, even_window(record))
+    odd = record.sigma < 0 and name in ("kappa_s", "eta", "eta_prime", "lambda_3", "lambda_5", "xi")
+    step = record.segments // parts
+    moved = np.roll(values, -step)
+    if odd:
+        moved[-step:] *= -1.0
+    size = float(np.abs(values).max())
+    return float(np.abs(moved - sign * values).max()) / size, size
+
+
+def period(record: StateRecord, name: str, parts: int, sign: int, claim: str, note: str = "") -> Check:
+    """Whether a field repeats, up to `sign`, after l/parts."""
+    mismatch, size = shifted(record, name, parts, sign)
+    holds = mismatch <= PERIODIC
+    return Check(
+        f"{claim} ({_where(record)}; to {100 * PERIODIC:g} %)",
+        f"largest mismatch {mismatch:.3g} of the largest |{name}| = {size:.4g}",
+        bool(holds),
+        "" if holds else note,
+    )
+
+
+def half_turn_symmetry(record: StateRecord) -> Check:
+    """What holds in place of the periodicity: kappa_s is odd and tau even about the inflection."""
+    window = even_window(record)
+    (place,) = _places(record)
+    worst = []
+    for name, sign in (("kappa_s", -1.0), ("tau", 1.0)):
+        alpha, values = field(record, name, window)
+        s = np.linspace(0.05, 0.45 * record.length, 200)
+        before = np.interp(place - s, alpha, values)
+        after = np.interp(place + s, alpha, values)
+        worst.append(float(np.abs(after - sign * before).max() / np.abs(values).max()))
+    return Check(
+        f"not claimed, but found: a half-turn symmetry about the inflection ({_where(record)})",
+        f"mismatch {worst[0]:.2g} of kappa_s, odd about it, and {worst[1]:.2g} of tau, even about it",
+        bool(max(worst) <= PERIODIC),
+    )
+
+
+def certified_minima(records: Sequence[StateRecord]) -> Check:
+    """Whether all eigenvalues of the projected Hessians are positive, by exact count."""
+    negative = [record.negative_eigenvalues for record in records]
+    return Check(
+        "the eigenvalues of the projected Hessian are positive: local minima of the discrete problem",
+        f"negative eigenvalues, counted: {', '.join('?' if n is None else str(n) for n in negative)}; "
+        f"certified: {sum(record.certified for record in records)} of {len(records)}",
+        all(record.certified for record in records),
+    )
+
+
+def contact_width(states: Sequence[Mapping[str, Any]], printed: str) -> Check:
+    """Whether the first self-contact, the least certified width that touches on the finest N, is as printed.
+
+    `states` are the summaries of a run, the bisection's states included; agreement is to the printed digits.
+    """
+    touching: dict[int, float] = {}
+    for state in states:
+        if state["self_contact"] and state["certified"]:
+            known = touching.get(state["segments"], math.inf)
+            touching[state["segments"]] = min(known, state["half_width"])
+    found = ", ".join(f"b = {touching[n]:.5f} (N = {n})" for n in sorted(touching)) or "no contact"
+    digits = len(printed.partition(".")[2])
+    agrees = bool(touching) and f"{touching[max(touching)]:.{digits}f}" == printed
+    return Check(
+        f"the band first touches itself at b = {printed}",
+        f"bisected to 1e-5: {found}",
+        agrees,
+        "" if agrees else f"at b = {printed} it does not touch yet",
+    )
+
+
+def contact_at_the_centre(record: StateRecord) -> Check:
+    """Where the nearest far parts are: the surface's distance from its centre, against its size."""
+    surface = record.midline[:-1, None] + np.linspace(-1, 1, 41)[None, :, None] * (
+        record.half_width * record.g[:, None]
+    )
+    centre = record.midline[:-1].mean(axis=0)
+    distance = np.linalg.norm(surface - centre, axis=2)
+    return Check(
+        f"the contact comes at the centre of the band ({_where(record)})",
+        f"the surface passes the centre at {distance.min():.3g}, of an extent of {distance.max():.3g}; "
+        f"clearance of facets far along the band {record.clearance:.2g}",
+        bool(distance.min() < 0.1 * distance.max()),
+    )
+
+
+def eigenvalues(spectrum: SpectrumRecord) -> Array:
+    """Eigenvalues ascending, rotations left out."""
+    kept = [v for v, label in zip(spectrum.values, spectrum.labels, strict=True) if label != "rotation"]
+    return np.array(kept)
+
+
+def half_vanish(spectra: Sequence[tuple[int, Array]], what: str) -> list[Check]:
+    """Whether the lower half of the spectra falls with N while the upper does not.
+
+    Compared are the values at a quarter and at three quarters of each sorted spectrum.
+    """
+    positive = all(values[0] > 0 for _, values in spectra)
+    least = ", ".join(f"{values[0]:.3g} (N = {n})" for n, values in spectra)
+    low = [float(np.quantile(values, 0.25)) for _, values in spectra]
+    high = [float(np.quantile(values, 0.75)) for _, values in spectra]
+    ratios = [a / b for a, b in zip(low[1:], low[:-1], strict=True)]
+    return [
+        Check(f"{what}: all eigenvalues are positive", f"least: {least}", positive),
+        Check(
+            f"{what}: about half of the eigenvalues shrink as N grows",
+            f"at a quarter of the spectrum they change by {', '.join(f'{r:.2f}' for r in ratios)} from one N "
+            f"to the next, at three quarters by "
+            f"{', '.join(f'{a / b:.2f}' for a, b in zip(high[1:], high[:-1], strict=True))}",
+            all(r < 0.8 for r in ratios) and high[-1] >= 0.8 * high[0],
+            "a property of the metric, which weighs xi and scales with h, and not of the bands: with "
+            "h (|du|^2 + |dg|^2) each mode's eigenvalue converges",
+        ),
+    ]

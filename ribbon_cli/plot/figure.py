@@ -1,0 +1,86 @@
+"""Captions and files: what a picture says of its data, and how it is written."""
+
+from __future__ import annotations
+
+import io
+import logging
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ribbon_cli.errors import UsageError
+from ribbon_cli.plot.style import GREY, STYLES, Style, styled
+from ribbon_cli.store.refs import suggest
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from ribbon_cli.store import StateRecord
+
+FORMATS = ("pdf", "svg", "png")
+
+
+def find_style(name: str) -> Style:
+    """The style of that name. Raises UsageError."""
+    if name not in STYLES:
+        raise UsageError(f"no style {name!r} (known: {', '.join(STYLES)}){suggest(name, STYLES)}")
+    return STYLES[name]
+
+
+def figure_format(path: str | Path) -> str:
+    """Format by a file's suffix. Raises UsageError for one that is not written."""
+    suffix = Path(path).suffix.removeprefix(".").lower()
+    if suffix not in FORMATS:
+        raise UsageError(f"{path}: a picture's file ends in .{', .'.join(FORMATS[:-1])} or .{FORMATS[-1]}")
+    return suffix
+
+
+def reference(record: StateRecord, run: str | None) -> str:
+    """What a state is called in captions: RUN:LABEL, or its label alone outside of a run."""
+    return f"{run}:{record.label}" if run else f"state {record.label}"
+
+
+def state_caption(records: Sequence[StateRecord], run: str | None) -> str:
+    """One line on the states that a picture shows: which they are, and whether they are certified."""
+    from ribbon_cli.store import content_sha256
+
+    if len(records) > 1:
+        labels = ", ".join(str(record.label) for record in records)
+        certified = sum(record.certified for record in records)
+        where = f"{run}:" if run else "states "
+        return f"{where}{labels} ({certified} of {len(records)} certified)"
+    (record,) = records
+    verdict = "certified minimum" if record.certified else f"{record.kind}, {record.status}: no certificate"
+    return (
+        f"{reference(record, run)}, b = {record.half_width:.6g}, N = {record.segments}, "
+        f"Lk = {round(record.linking_number, 6) + 0.0:g}, E = {record.energy:.9g}, {verdict}, "
+        f"sha256 {content_sha256(record)[:12]}"
+    )
+
+
+def add_caption(figure: Figure, caption: str, style: Style) -> None:
+    """Put a caption below a figure in small grey letters, in as many lines as its width asks for."""
+    import textwrap
+
+    size = 0.7 * style.font
+    # A letter of this font is about 0.53 of its size wide.
+    columns = max(20, int(figure.get_figwidth() * 72 / (0.55 * size)))
+    text = "\n".join(textwrap.wrap(caption, columns))
+    figure.supxlabel(text, x=0.005, ha="left", fontsize=size, color=GREY)
+
+
+def image(figure: Figure, form: str, style: Style, title: str, caption: str) -> bytes:
+    """A figure as the bytes of a PDF, SVG or PNG file, without times, so that the same figure gives the
+    same.
+    """
+    every: dict[str, dict[str, Any]] = {
+        "pdf": {"Title": title, "Subject": caption, "CreationDate": None, "ModDate": None},
+        "svg": {"Title": title, "Description": caption, "Date": None},
+        "png": {"Title": title, "Description": caption},
+    }
+    # It complains of fonts without dates, which are left out for the same figure to give the same bytes.
+    logging.getLogger("fontTools").setLevel(logging.ERROR)
+    buffer = io.BytesIO()
+    with styled(style):
+        figure.savefig(buffer, format=form, metadata=every[form], dpi=style.dpi)
+    return buffer.getvalue()

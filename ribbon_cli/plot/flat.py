@@ -1,0 +1,71 @@
+"""The fold pattern as a picture."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ribbon_cli.export.pattern import Pattern, fold_pattern
+from ribbon_cli.plot.style import GREY, INK, PALETTE, Style
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from ribbon_cli.store import StateRecord
+
+MOUNTAIN, VALLEY = PALETTE[1], PALETTE[0]
+FLAT_DEGREES = 1e-6
+"""Fold angle below which a ruling is neither mountain nor valley."""
+
+
+def pattern_figure(record: StateRecord, style: Style) -> Figure:
+    """The flat strip with its folds; for true scale see `ribbon export --to svg` and `--to pdf`."""
+    from matplotlib.figure import Figure
+
+    pattern = fold_pattern(record, 250.0)
+    left, low, right, high = pattern.box
+    height = style.width * (high - low) / (right - left)
+    figure = Figure(figsize=(style.width, height + 0.11 * style.width), layout="constrained")
+    axes = figure.subplots()
+    draw_pattern(axes, pattern, style)
+    handles, labels = axes.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=3, handlelength=3.2)
+    return figure
+
+
+def draw_pattern(axes: Axes, pattern: Pattern, style: Style) -> None:
+    """Draw outline, folds and tab, lines the darker the sharper the fold."""
+    from matplotlib.collections import LineCollection
+
+    sharpest = float(np.abs(pattern.angles).max()) or 1.0
+    for name, colour, dashes, chosen in (
+        ("mountain", MOUNTAIN, (0, (6, 2, 1, 2)), pattern.angles > FLAT_DEGREES),
+        ("valley", VALLEY, (0, (4, 2)), pattern.angles < -FLAT_DEGREES),
+    ):
+        if not chosen.any():
+            continue
+        strength = 0.25 + 0.75 * np.abs(pattern.angles[chosen]) / sharpest
+        # Dashes that are shorter than a line is wide run together: with many folds, colour has to tell.
+        dense = len(pattern.angles) > 60
+        lines = LineCollection(
+            list(pattern.folds[chosen]),
+            colors=colour,
+            alpha=strength,
+            linewidths=0.7 * style.line,
+            linestyles="-" if dense else [dashes],
+        )
+        axes.add_collection(lines)
+        axes.plot([], [], color=colour, linestyle="-" if dense else dashes, label=f"{name} fold")
+    flat = np.abs(pattern.angles) <= FLAT_DEGREES
+    if flat.any():
+        axes.add_collection(LineCollection(list(pattern.folds[flat]), colors=GREY, linewidths=style.thin))
+    outline = np.array(
+        [pattern.first[0], pattern.last[0], pattern.last[1], pattern.first[1], pattern.first[0]]
+    )
+    axes.plot(*outline.T, color=INK, label="cut")
+    axes.fill(*pattern.tab.T, facecolor="#eeeeee", edgecolor=GREY, linewidth=0.7 * style.line, zorder=0)
+    axes.set_aspect("equal")
+    axes.margins(0.01)
+    axes.axis("off")

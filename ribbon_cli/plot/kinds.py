@@ -1,0 +1,194 @@
+"""What `ribbon plot` can draw: each kind of picture, the states it needs, and what to say where they lack."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from ribbon_cli.errors import UsageError
+from ribbon_cli.export.series import branch, finest, latest, levels
+from ribbon_cli.plot.style import Style, styled
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from ribbon_cli.report.convergence import Table
+    from ribbon_cli.store import Run, StateRecord
+
+MOST_CURVES = 7
+"""Most curves that one panel tells apart."""
+MOST_SHAPES = 12
+
+
+@dataclass(frozen=True)
+class Source:
+    """What a reference names: states, and the run they belong to (None outside of one).
+
+    `whole_run` says that the reference was to the run; then `states` is empty. `table` gives the run's
+    convergence table. `angles` is a chosen view, `segments` the N to show of a run.
+    """
+
+    run: Run | None
+    states: tuple[StateRecord, ...]
+    table: Callable[[Run], Table]
+    angles: tuple[float, float] | None = None
+    segments: int | None = None
+
+    @property
+    def whole_run(self) -> bool:
+        """Whether the reference names a run and no state."""
+        return not self.states
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure with its title and the states that it shows."""
+
+    figure: Figure
+    title: str
+    states: tuple[StateRecord, ...]
+
+
+def draw(kind: str, source: Source, style: Style) -> Picture:
+    """Draw a kind of picture. Raises UsageError, which says what to run, where the data lack for it."""
+    with styled(style):
+        return KINDS[kind][0](source, style)
+
+
+def _one(source: Source, kind: str) -> StateRecord:
+    """The state that a picture of one state shows."""
+    if source.run is not None and source.whole_run:
+        example = finest(source.run)[-1]["label"]
+        raise UsageError(
+            f"{kind} shows one state: name one of {source.run.name}, "
+            f"for instance {source.run.short_name}:{example}"
+        )
+    if len(source.states) > 1:
+        raise UsageError(f"{kind} shows one state: leave --with out")
+    return source.states[0]
+
+
+def _run(source: Source, kind: str) -> Run:
+    """The run that a picture of a run shows."""
+    if source.run is None:
+        raise UsageError(f"{kind} shows a run: name the run, this is a file outside of one")
+    return source.run
+
+
+def _several(source: Source) -> tuple[StateRecord, ...]:
+    """The states named, or of a run the finest of each half-width, or all widths of the N asked for."""
+    if not source.whole_run:
+        return source.states
+    assert source.run is not None
+    found = branch(source.run, source.segments) if source.segments else finest(source.run)
+    chosen = _thinned(found, MOST_CURVES)
+    return tuple(source.run.load(state["label"]) for state in chosen)
+
+
+def _thinned(items: Sequence[dict[str, Any]], most: int) -> list[dict[str, Any]]:
+    """At most so many of the items, the first and the last among them, evenly spread."""
+    if len(items) <= most:
+        return list(items)
+    return [items[round(k * (len(items) - 1) / (most - 1))] for k in range(most)]
+
+
+def _shape(source: Source, style: Style) -> Picture:
+    from ribbon_cli.plot.pictures import shape_figure
+
+    record = _one(source, "shape")
+    return Picture(shape_figure(record, style, source.angles), "Shape", (record,))
+
+
+def _geometry(source: Source, style: Style) -> Picture:
+    from ribbon_cli.plot.curves import geometry_figure
+
+    states = _several(source)
+    return Picture(geometry_figure(states, style), "Signed curvature, torsion, eta and eta'", states)
+
+
+def _multipliers(source: Source, style: Style) -> Picture:
+    from ribbon_cli.plot.curves import multipliers_figure
+
+    states = _several(source)
+    return Picture(multipliers_figure(states, style), "Lagrange multipliers", states)
+
+
+def _spectrum(source: Source, style: Style) -> Picture:
+    from ribbon_cli.plot.levels import spectrum_figure
+
+    states = source.states if not source.whole_run else _refined(_run(source, "spectrum"))
+    return Picture(spectrum_figure(states, style), "Eigenvalues of the projected Hessian", tuple(states))
+
+
+def _refined(run: Run) -> tuple[StateRecord, ...]:
+    """The levels of the half-width that has most of them with whole spectra, else with any."""
+    branch(run)
+    best: list[StateRecord] = []
+    for b in dict.fromkeys(state["half_width"] for state in latest(run.states())):
+        records = [run.load(state["label"]) for state in levels(run, b)]
+        whole = [r for r in records if r.spectra and all(s.complete for s in r.spectra)]
+        chosen = whole or [r for r in records if r.spectra]
+        if len(chosen) > len(best):
+            best = chosen
+    if not best:
+        raise UsageError(f"{run.name} stores no spectra: its config's `spectrum` asks for none")
+    return tuple(best)
+
+
+def _convergence(source: Source, style: Style) -> Picture:
+    from ribbon_cli.plot.levels import convergence_figure
+
+    run = _run(source, "convergence")
+    figure = convergence_figure(source.table(run), style)
+    return Picture(figure, "Energy differences under refinement", ())
+
+
+def _branch(source: Source, style: Style) -> Picture:
+    from ribbon_cli.plot.levels import branch_figure, lowest_elastic
+
+    run = _run(source, "branch")
+    states = branch(run, source.segments)
+    if len(states) < 2:
+        raise UsageError(
+            f"{run.name} has one half-width only at N = {states[0]['segments']}: a branch needs two"
+        )
+    records = tuple(run.load(state["label"]) for state in states)
+    # Where the run located the first contact, its states are not among the equilibria that someone named.
+    located = [
+        state["half_width"]
+        for state in run.states(all=True)
+        if state["self_contact"] and state["certified"] and state["stage"].startswith("contact between")
+    ]
+    contact = located[-1] if located else None
+    figure = branch_figure(states, [lowest_elastic(r) for r in records], style, contact)
+    return Picture(figure, "Branch in the width", records)
+
+
+def _family(source: Source, style: Style) -> Picture:
+    from ribbon_cli.plot.pictures import family_figure
+
+    run = _run(source, "family")
+    chosen = branch(run, source.segments) if source.segments else finest(run)
+    records = tuple(run.load(state["label"]) for state in _thinned(chosen, MOST_SHAPES))
+    return Picture(family_figure(records, style, source.angles), "Shapes at several widths", records)
+
+
+def _pattern(source: Source, style: Style) -> Picture:
+    from ribbon_cli.plot.flat import pattern_figure
+
+    record = _one(source, "pattern")
+    return Picture(pattern_figure(record, style), "Fold pattern", (record,))
+
+
+KINDS: dict[str, tuple[Callable[[Source, Style], Picture], str]] = {
+    "shape": (_shape, "the surface with its rulings, of a state"),
+    "geometry": (_geometry, "curvature, torsion, eta and eta' along the band, of states or a run"),
+    "multipliers": (_multipliers, "lambda_1 to lambda_5 along the band, of states or a run"),
+    "spectrum": (_spectrum, "eigenvalues of the projected Hessian, of states or a run"),
+    "convergence": (_convergence, "energy differences under refinement, of a run"),
+    "branch": (_branch, "energy, lowest eigenvalue and clearance over the width, of a run"),
+    "family": (_family, "shapes at several widths in a row, of a run"),
+    "pattern": (_pattern, "the flat strip with its folds, of a state"),
+}
+"""Drawing function and a line of help for each kind. A new kind is a new row."""

@@ -1,0 +1,208 @@
+"""Spectra, energies under refinement, and branches in the width."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ribbon_cli.errors import UsageError
+from ribbon_cli.plot.curves import curve_label
+from ribbon_cli.plot.style import GREY, LIGHT_GREY, MARKERS, PALETTE, Style, line_look
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from ribbon_cli.report.convergence import Table
+    from ribbon_cli.store import SpectrumRecord, StateRecord
+
+NEGATIVE = "#B00020"
+FEW_MODES = 40
+"""Most values that are marked one by one."""
+METRIC_TITLES = {"euclidean": "Euclidean metric", "physical": "metric $h\\,(|du|^2 + |dg|^2)$"}
+
+
+def spectrum_of(record: StateRecord, metric: str) -> SpectrumRecord | None:
+    """A state's spectrum in one metric, None where there is none."""
+    return next((spectrum for spectrum in record.spectra if spectrum.metric == metric), None)
+
+
+def spectrum_figure(records: Sequence[StateRecord], style: Style) -> Figure:
+    """Sorted eigenvalues of the projected Hessian in each metric, rotations left out, on a logarithmic scale.
+
+    Whole spectra are spread over [0, 1], as in Figure 3.14; where all that is stored are the lowest, they are
+    numbered. Raises UsageError where no state has a spectrum.
+    """
+    from matplotlib.figure import Figure
+
+    metrics = [m for m in METRIC_TITLES if any(spectrum_of(record, m) for record in records)]
+    if not metrics:
+        raise UsageError(
+            f"state {records[0].label} has no spectrum: spectra are stored with equilibria, "
+            "where the config's `spectrum` asks for modes"
+        )
+    figure = Figure(figsize=(style.width, 0.48 * style.width), layout="constrained")
+    panels = figure.subplots(1, len(metrics), squeeze=False)[0]
+    for axes, metric in zip(panels, metrics, strict=True):
+        draw_spectra(axes, records, metric)
+        axes.set_title(METRIC_TITLES[metric])
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=min(4, len(labels)), handlelength=2.6)
+    return figure
+
+
+def draw_spectra(axes: Axes, records: Sequence[StateRecord], metric: str) -> None:
+    """Draw the eigenvalues of several states in one metric into `axes`."""
+    found = [(r, s) for r in records if (s := spectrum_of(r, metric)) is not None]
+    # In the Euclidean metric it is the whole spectrum that shrinks with N; in the physical one each mode's
+    # value converges, which is seen where modes are counted.
+    spread = metric == "euclidean" and all(s.complete for _, s in found)
+    for k, (record, spectrum) in enumerate(found):
+        values = np.array(
+            [v for v, name in zip(spectrum.values, spectrum.labels, strict=True) if name != "rotation"]
+        )
+        places = np.linspace(0.0, 1.0, values.size) if spread else np.arange(1.0, values.size + 1)
+        few = not spread and values.size <= FEW_MODES
+        look = line_look(k) | {"marker": MARKERS[k % len(MARKERS)] if few else ""}
+        label = curve_label(record, [r for r, _ in found])
+        axes.plot(places, np.where(values > 0, values, np.nan), label=label, **look)
+        negative = values < 0
+        if negative.any():
+            axes.plot(places[negative], -values[negative], "x", color=NEGATIVE, label="negative, modulus")
+    axes.set_yscale("log")
+    if spread:
+        axes.set_xlabel("place in the sorted spectrum")
+    else:
+        axes.set_xscale("log")
+        axes.set_xlabel("number of the mode, rotations left out")
+    axes.set_ylabel("eigenvalue")
+    axes.grid(axis="y", color=LIGHT_GREY, linewidth=0.3)
+
+
+def convergence_figure(table: Table, style: Style) -> Figure:
+    """Differences |E_N - E_2N| over N for each half-width, with the slope of second order.
+
+    Raises UsageError where no half-width has two levels.
+    """
+    from matplotlib.figure import Figure
+
+    groups: dict[float, list[tuple[int, float]]] = {}
+    for row in table.rows:
+        if row.delta:
+            groups.setdefault(row.half_width, []).append((row.segments, row.delta))
+    if not groups:
+        raise UsageError(
+            "no half-width of this run has two levels of refinement: see `refinement` in the config, "
+            "or `ribbon refine STATE --levels 2`"
+        )
+    figure = Figure(figsize=(0.72 * style.width, 0.5 * style.width), layout="constrained")
+    axes = figure.subplots()
+    for k, (b, points) in enumerate(groups.items()):
+        segments, deltas = zip(*points, strict=True)
+        look = line_look(k) | {"marker": MARKERS[k % len(MARKERS)]}
+        axes.loglog(segments, deltas, label=f"$b$ = {b:.4g}", **look)
+    every = sorted({n for points in groups.values() for n, _ in points})
+    _slope(axes, every, min(d for points in groups.values() for _, d in points))
+    axes.set_xticks(every, [str(n) for n in every])
+    axes.minorticks_off()
+    axes.set_xlabel("$N$")
+    axes.set_ylabel(r"$\Delta_N = |E_N - E_{2N}|$")
+    axes.grid(axis="y", color=LIGHT_GREY, linewidth=0.3)
+    axes.legend(loc="center left", bbox_to_anchor=(1.02, 0.5), handlelength=2.6)
+    return figure
+
+
+def _slope(axes: Axes, segments: Sequence[int], least: float) -> None:
+    """A line of slope -2 below the data, named."""
+    if len(segments) < 2:
+        return
+    first, last = segments[0], segments[-1]
+    low = 0.35 * least
+    axes.loglog([first, last], [low * (last / first) ** 2, low], color=GREY, linewidth=0.8)
+    middle = math.sqrt(first * last)
+    axes.annotate(
+        "slope −2",
+        (middle, low * (last / middle) ** 2),
+        xytext=(-4, -4),
+        textcoords="offset points",
+        ha="right",
+        va="top",
+        color=GREY,
+    )
+
+
+def branch_figure(
+    states: Sequence[Mapping[str, Any]],
+    lowest: Sequence[float | None],
+    style: Style,
+    contact: float | None = None,
+) -> Figure:
+    """Energy, lowest eigenvalue and clearance over the half-width.
+
+    `states` are summaries along the branch in the order of the widths; `lowest` the lowest eigenvalue of
+    each in the physical metric, rotations and sliding left out, None where no spectrum is stored. Filled
+    marks are certified minima, open ones are not; crosses have self-contact. A line is
+    drawn at `contact`, the half-width at which that was found to begin.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(style.width, 0.4 * style.width), layout="constrained")
+    panels = figure.subplots(1, 3)
+    b = np.array([state["half_width"] for state in states])
+    length = states[0]["length"]
+    ring = 2 * np.pi**2 * b / length
+    energy = np.array([state["energy"] for state in states], dtype=float)
+    clearance = np.array([state["clearance"] for state in states], dtype=float)
+    eigenvalues = np.array([np.nan if v is None else v for v in lowest])
+    titles = ("$E / E_{ring}$", "lowest eigenvalue", "clearance")
+    for axes, values, title in zip(panels, (energy / ring, eigenvalues, clearance), titles, strict=True):
+        axes.plot(b, values, color=PALETTE[0], zorder=1)
+        _mark(axes, states, b, values, style)
+        if contact is not None:
+            label = f"first contact, $b$ = {contact:.5g}"
+            axes.axvline(contact, color=PALETTE[1], linestyle=(0, (1.2, 1.6)), zorder=0, label=label)
+        axes.set_title(title, loc="left")
+        axes.set_xlabel("$b$")
+        axes.margins(0.06)
+        if np.isnan(values).all():
+            axes.text(0.5, 0.5, "not stored", transform=axes.transAxes, ha="center", color=GREY)
+            axes.set_yticks([])
+    for axes, values in zip(panels, (energy, eigenvalues, clearance), strict=True):
+        if np.nanmin(values, initial=np.inf) > 0 and axes is not panels[0]:
+            axes.set_ylim(bottom=0.0)
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=4)
+    return figure
+
+
+def _mark(
+    axes: Axes, states: Sequence[Mapping[str, Any]], b: np.ndarray, values: np.ndarray, style: Style
+) -> None:
+    """Marks that say what each state is."""
+    kinds: dict[str, tuple[list[bool], dict[str, Any]]] = {
+        "certified minimum": ([s["certified"] for s in states], {"marker": "o", "color": PALETTE[0]}),
+        "no certificate": (
+            [not s["certified"] for s in states],
+            {"marker": "o", "markerfacecolor": "white", "markeredgecolor": PALETTE[1], "zorder": 3},
+        ),
+        "self-contact": (
+            [bool(s["self_contact"]) for s in states],
+            {"marker": "x", "color": PALETTE[1], "markersize": 1.6 * style.marker, "zorder": 4},
+        ),
+    }
+    for label, (chosen, look) in kinds.items():
+        mask = np.array(chosen)
+        if mask.any():
+            axes.plot(b[mask], values[mask], linestyle="", label=label, **look)
+
+
+def lowest_elastic(record: StateRecord) -> float | None:
+    """Lowest eigenvalue in the physical metric, rotations and sliding left out; None where none is stored."""
+    spectrum = spectrum_of(record, "physical")
+    if spectrum is None:
+        return None
+    pairs = zip(spectrum.values, spectrum.labels, strict=True)
+    return min((float(v) for v, label in pairs if label not in ("rotation", "sliding")), default=None)

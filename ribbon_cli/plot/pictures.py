@@ -1,0 +1,124 @@
+"""Figures of one shape, and of shapes in a row."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ribbon_cli.export.align import turn_between, turned_alike
+from ribbon_cli.export.mesh import facet_corners
+from ribbon_cli.export.view import View, automatic_view, view_in_axes
+from ribbon_cli.plot.shape import RULINGS, draw_shape
+from ribbon_cli.plot.style import GREY, Style
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from numpy.typing import NDArray
+
+    from ribbon_cli.store import StateRecord
+
+    Array = NDArray[np.float64]
+
+
+def shape_figure(record: StateRecord, style: Style, angles: tuple[float, float] | None = None) -> Figure:
+    """One shape with a bar for its scale; `angles` are azimuth and elevation in degrees, automatic if
+    None.
+    """
+    from matplotlib.figure import Figure
+
+    corners = facet_corners(record)
+    view = automatic_view(corners) if angles is None else view_in_axes(corners, *angles)
+    extent = np.ptp(view.project(corners)[..., :2], axis=(0, 1))
+    width = 0.7 * style.width
+    height = width * float(np.clip(extent[1] / extent[0], 0.3, 1.2))
+    figure = Figure(figsize=(width, height + 0.06 * style.width), layout="constrained")
+    axes = figure.subplots()
+    draw_shape(axes, record, style, view)
+    scale_bar(axes, style)
+    return figure
+
+
+def scale_bar(axes: Axes, style: Style) -> None:
+    """A bar of a round length, in the unit of the length l, below the picture at the right."""
+    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+    wanted = 0.2 * (right - left)
+    power = 10.0 ** math.floor(math.log10(wanted))
+    size = max(m * power for m in (1.0, 2.0, 5.0) if m * power <= wanted)
+    drop = 0.05 * (right - left)
+    axes.plot(
+        [right - size, right], [low - drop] * 2, color=GREY, linewidth=1.5 * style.line, solid_capstyle="butt"
+    )
+    axes.text(
+        right - size - 0.012 * (right - left), low - drop, f"{size:g}", ha="right", va="center", color=GREY
+    )
+    axes.set_xlim(left, right)
+    axes.set_ylim(low - 1.7 * drop, high)
+
+
+@dataclass(frozen=True)
+class Panel:
+    """A shape in a row: its title, and numbers from 1 of the nodes whose rulings are marked."""
+
+    record: StateRecord
+    title: str
+    marked: tuple[int, ...] = ()
+
+
+def family_figure(
+    records: Sequence[StateRecord], style: Style, angles: tuple[float, float] | None = None
+) -> Figure:
+    """Shapes in rows at one scale and from one side, labelled with their half-widths."""
+    panels = [Panel(record, f"$b$ = {record.half_width:.4g}") for record in records]
+    return shapes_figure(panels, style, aligned=True, angles=angles)
+
+
+def shapes_figure(
+    panels: Sequence[Panel], style: Style, *, aligned: bool, angles: tuple[float, float] | None = None
+) -> Figure:
+    """Shapes in rows of up to five at one scale, `aligned` from one side, else each from its own best."""
+    from matplotlib.figure import Figure
+
+    corners = [facet_corners(panel.record) for panel in panels]
+    views = _common_views(corners, angles) if aligned else [_view(item, angles) for item in corners]
+    boxes = [np.ptp(view.project(c)[..., :2], axis=(0, 1)) for view, c in zip(views, corners, strict=True)]
+    wide, high = np.max(boxes, axis=0)
+    columns = len(panels) if len(panels) <= 5 else math.ceil(len(panels) / math.ceil(len(panels) / 4))
+    rows = math.ceil(len(panels) / columns)
+    width = style.width if columns > 1 else 0.6 * style.width
+    titles = 2.6 * style.font / 72 if any(panel.title for panel in panels) else 0.0
+    height = rows * (width / columns * min(1.3, high / wide) + titles) + 0.03 * style.width
+    figure = Figure(figsize=(width, height), layout="constrained")
+    places = figure.subplots(rows, columns, squeeze=False).ravel()
+    for axes in places[len(panels) :]:
+        axes.axis("off")
+    # In a smaller picture fewer rulings are told apart.
+    rulings = RULINGS if columns == 1 else max(24, round(1.5 * RULINGS / columns))
+    for axes, panel, view in zip(places, panels, views, strict=False):
+        draw_shape(axes, panel.record, style, view, panel.marked, rulings)
+        _same_scale(axes, 1.03 * wide, 1.03 * high)
+        axes.set_title(panel.title)
+    return figure
+
+
+def _view(corners: Array, angles: tuple[float, float] | None) -> View:
+    """The chosen view of a shape, or the automatic one."""
+    return automatic_view(corners) if angles is None else view_in_axes(corners, *angles)
+
+
+def _common_views(shapes: Sequence[Array], angles: tuple[float, float] | None) -> list[View]:
+    """Views of shapes turned onto each other, from one side: the one that suits the middle shape."""
+    placed = turned_alike(shapes)
+    view = _view(placed[len(placed) // 2], angles)
+    return [View(view.axes @ turn_between(c, p)) for c, p in zip(shapes, placed, strict=True)]
+
+
+def _same_scale(axes: Axes, wide: float, high: float) -> None:
+    """Widen a picture's limits about its middle to a common size."""
+    x, y = float(np.mean(axes.get_xlim())), float(np.mean(axes.get_ylim()))
+    axes.set_xlim(x - wide / 2, x + wide / 2)
+    axes.set_ylim(y - high / 2, y + high / 2)

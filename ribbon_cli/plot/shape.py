@@ -1,0 +1,163 @@
+"""The shape: a shaded developable surface with its rulings, as vector graphics in exact depth order."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ribbon_cli.export.mesh import Strip, facet_corners, facet_normals, strip
+from ribbon_cli.export.view import View, automatic_view
+from ribbon_cli.plot.painter import depth_order
+from ribbon_cli.plot.style import INK, SIDES, Style
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from numpy.typing import NDArray
+
+    from ribbon_cli.store import StateRecord
+
+    Array = NDArray[np.float64]
+
+RULINGS = 72
+"""Most rulings that are drawn: more would be a grey haze in print."""
+AMBIENT = 0.52
+"""Brightness of what the light does not reach, as a share of full light."""
+
+
+def draw_shape(
+    axes: Axes,
+    record: StateRecord,
+    style: Style,
+    view: View | None = None,
+    marked: tuple[int, ...] = (),
+    rulings: int = RULINGS,
+) -> View:
+    """Draw a state's surface into `axes` and return the view, `automatic_view` unless given.
+
+    The two sides have two colours. Light falls by |n.l|, which does not know a normal from its opposite, so
+    that nothing shows where the seam lies. `marked` are node numbers, from 1, of rulings drawn in green,
+    and `rulings` is the most that are drawn of the others.
+    """
+    corners, pieces = facet_corners(record), strip(record)
+    view = view or automatic_view(corners)
+    flat = view.project(corners - corners.reshape(-1, 3).mean(axis=0))
+    order, covered = depth_order(flat)
+    normals = facet_normals(record)
+    facing = normals @ view.eye
+    side = _sides(facing, covered, record.sigma if pieces.closed else 1, flat)
+    colours = _shaded(side, np.abs(normals @ view.light))
+    _paint(axes, flat, order, colours, facing, pieces, record.sigma, style, marked, rulings)
+    _frame(axes, flat)
+    return view
+
+
+def _sides(facing: Array, covered: NDArray[np.int64], sigma: int, flat: Array) -> NDArray[np.bool_]:
+    """Which of the two colours each facet (N,) has: it changes where the surface turns over in the picture.
+
+    A one-sided band turns over an odd number of times, counted once round, so that at one place the
+    colour has to stay: at the outline that most of the band covers, or else the shortest, never amid a
+    surface.
+    """
+    front = facing > 0
+    if sigma > 0:
+        return front
+    # The seam, behind facet N, is no place where the band turns over: there the normal changes its name.
+    turns = np.flatnonzero(front != np.append(front[1:], ~front[0]))
+    flips = np.zeros(front.size, dtype=int)
+    if turns.size:
+        length = np.linalg.norm(flat[turns, 2, :2] - flat[turns, 3, :2], axis=1)
+        cover = np.minimum(covered[turns], covered[(turns + 1) % front.size])
+        kept = turns[np.lexsort((length, -cover))[0]]
+        flips[turns] = 1
+        flips[kept] = 0
+    # Colour of facet 1 is its own side's; each turning-over but one changes it.
+    before = np.concatenate(([0], np.cumsum(flips)[:-1]))
+    side: NDArray[np.bool_] = front[0] ^ (before % 2 == 1)
+    return side
+
+
+def _shaded(side: NDArray[np.bool_], light: Array) -> Array:
+    """Colours (N, 3): Lambert's law with |n.l|, on top of even light."""
+    from matplotlib.colors import to_rgb
+
+    base = np.where(side[:, None], to_rgb(SIDES[0]), to_rgb(SIDES[1]))
+    level = AMBIENT + (1.0 - AMBIENT) * light
+    return np.clip(base * (level * 1.08)[:, None], 0.0, 1.0)
+
+
+def _paint(
+    axes: Axes,
+    flat: Array,
+    order: NDArray[np.int64],
+    colours: Array,
+    facing: Array,
+    pieces: Strip,
+    sigma: int,
+    style: Style,
+    marked: tuple[int, ...],
+    rulings: int,
+) -> None:
+    """One collection for everything: each facet, then its lines, so that nearer facets cover them."""
+    from matplotlib.collections import PolyCollection
+    from matplotlib.colors import to_rgba
+
+    n = len(flat)
+    step = max(1, -(-n // rulings))
+    front = facing > 0
+    outline = np.append(False, front[1:] != front[:-1])
+    outline[0] = (front[0] == front[-1]) == (sigma < 0)
+    outline[list(pieces.first)] = True
+    ink, thin, none = to_rgba(INK), to_rgba(INK, 0.45), (0.0, 0.0, 0.0, 0.0)
+    green = to_rgba("#00A651")
+    thick, edge = 2.4 * style.line, 0.75 * style.line
+    vertices: list[Array] = []
+    faces: list[Any] = []
+    lines: list[Any] = []
+    widths: list[float] = []
+
+    def stroke(points: Array, colour: Any, width: float) -> None:
+        vertices.append(points)
+        faces.append(none)
+        lines.append(colour)
+        widths.append(width)
+
+    picture = flat[:, :, :2]
+    for i in order.tolist():
+        colour = (*colours[i], 1.0)
+        vertices.append(picture[i][[0, 1, 2, 3, 0]])
+        faces.append(colour)
+        # A facet's own colour covers the hairline that viewers leave between neighbours.
+        lines.append(colour)
+        widths.append(0.3)
+        for k, ends, free in ((i, picture[i, :2], False), ((i + 1) % n, picture[i, 2:], i in pieces.last)):
+            if k + 1 in marked:
+                stroke(ends, green, thick)
+            elif outline[k] or free:
+                stroke(ends, ink, edge)
+            elif k % step == 0:
+                stroke(ends, thin, style.thin)
+        stroke(picture[i, 1:3], ink, edge)
+        stroke(picture[i][[3, 0]], ink, edge)
+    axes.add_collection(
+        PolyCollection(
+            vertices,
+            closed=False,
+            facecolors=faces,
+            edgecolors=lines,
+            linewidths=widths,
+            capstyle="round",
+            joinstyle="round",
+        )
+    )
+
+
+def _frame(axes: Axes, flat: Array) -> None:
+    """Equal scales, no axes, and room for the lines' width all round."""
+    low, high = flat[:, :, :2].min(axis=(0, 1)), flat[:, :, :2].max(axis=(0, 1))
+    middle, half = 0.5 * (low + high), 0.5 * (high - low)
+    half = 1.03 * half
+    axes.set_aspect("equal")
+    axes.set_xlim(middle[0] - half[0], middle[0] + half[0])
+    axes.set_ylim(middle[1] - half[1], middle[1] + half[1])
+    axes.axis("off")

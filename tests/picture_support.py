@@ -1,0 +1,33 @@
+"""Small solved runs for pictures and exports, made once a session."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli_support import QUICK_MOBIUS, QUICK_RING
+
+from ribbon_cli import solve
+from ribbon_cli.config import parse_config
+from ribbon_cli.store import Run, StateRecord
+
+
+@pytest.fixture(scope="session")
+def solved(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of runs: `mobius` at two widths and two levels, and `ring`."""
+    root = tmp_path_factory.mktemp("solved")
+    with np.errstate(all="raise", under="ignore"):
+        for text in (QUICK_MOBIUS, QUICK_RING):
+            solve(parse_config(text, "test"), runs=root)
+    return root
+
+
+def run_named(root: Path, name: str) -> Run:
+    (path,) = root.glob(f"{name}-*")
+    return Run.open(path)
+
+
+def states_of(root: Path, name: str, kind: str = "equilibrium") -> list[StateRecord]:
+    run = run_named(root, name)
+    return [run.load(s["label"]) for s in run.states(all=True) if s["kind"] == kind]

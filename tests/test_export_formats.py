@@ -1,0 +1,211 @@
+"""Exports, read back by other programs' readers."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import warnings
+from dataclasses import replace
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+import trimesh
+from cli_support import ribbon, ribbon_json
+from picture_support import solved, states_of  # noqa: F401
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkIOHDF import vtkHDFReader
+
+from ribbon_cli.errors import UsageError
+from ribbon_cli.export.mesh import facet_corners, is_closed, surface
+from ribbon_cli.export.meshes import obj_bytes, ply_bytes, solid, stl_bytes
+from ribbon_cli.export.text import csv_bytes, json_bytes
+from ribbon_cli.export.vtkhdf import vtkhdf_bytes
+from ribbon_cli.store import StateRecord, content_sha256, summary
+
+
+@pytest.fixture(params=["mobius", "ring", "open"])
+def state(request: pytest.FixtureRequest, solved: Path) -> StateRecord:  # noqa: F811
+    """A one-sided band, a two-sided one, and a strip whose seam is open."""
+    if request.param == "open":
+        return states_of(solved, "mobius", "auxiliary")[4]
+    return states_of(solved, request.param)[-1]
+
+
+def read_mesh(data: bytes, suffix: str, tmp_path: Path):
+    """A file as meshio reads it."""
+    path = tmp_path / f"band{suffix}"
+    path.write_bytes(data)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return meshio.read(path)
+
+
+def test_facets_are_flat_and_the_seam_is_joined(state):
+    mesh = surface(state)
+    assert mesh.strip.closed == is_closed(state) == (state.kind == "equilibrium")
+    corners = mesh.points[mesh.quads]
+    np.testing.assert_allclose(corners, facet_corners(state), atol=1e-9)
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    out_of_plane = np.einsum("ij,ij->i", across, corners[:, 3] - corners[:, 0])
+    assert np.abs(out_of_plane).max() < 1e-9
+
+
+def test_obj_is_read_back(state, tmp_path):
+    read = read_mesh(obj_bytes(state, "a band"), ".obj", tmp_path)
+    mesh = surface(state)
+    np.testing.assert_array_equal(read.points, mesh.points)
+    (cells,) = read.cells
+    assert cells.type == "quad"
+    np.testing.assert_array_equal(cells.data, mesh.quads)
+
+
+def test_ply_is_read_back(state):
+    read = trimesh.load(io.BytesIO(ply_bytes(state, "a band")), file_type="ply", process=False)
+    mesh = surface(state)
+    np.testing.assert_array_equal(read.vertices, mesh.points)
+    # trimesh cuts each quadrilateral in two.
+    assert len(read.faces) == 2 * state.segments
+    assert {
+        frozenset(face) <= frozenset(quad)
+        for face, quad in zip(read.faces[: state.segments].tolist(), mesh.quads.tolist(), strict=True)
+    } == {True}
+    raw = read.metadata["_ply_raw"]
+    np.testing.assert_array_equal(raw["vertex"]["data"]["eta"][: 2 * state.segments : 2], state.eta)
+    np.testing.assert_array_equal(np.ravel(raw["face"]["data"]["lambda_5"]), state.lambda_5)
+
+
+def test_the_solid_is_watertight_and_oriented(state, tmp_path):
+    path = tmp_path / "band.stl"
+    path.write_bytes(stl_bytes(state, "a band", 200.0, 1.0))
+    points, triangles = solid(state, state.length / 200.0)
+    exact = trimesh.Trimesh(points, triangles, process=False)
+    printed = trimesh.load_mesh(path)
+    for mesh in (exact, printed):
+        assert mesh.is_watertight
+        assert mesh.is_winding_consistent
+    # A flat wall has thickness times area; a thin one's folds change that by little.
+    area = 2 * state.half_width * state.length
+    assert trimesh.Trimesh(*solid(state, 0.005), process=False).volume == pytest.approx(
+        area * 0.005, rel=5e-4
+    )
+    # A closed band's skin is a torus, an open strip's a sphere.
+    assert exact.euler_number == (0 if is_closed(state) else 2)
+
+
+def test_walls_keep_their_thickness(state):
+    thickness = 0.02
+    points, _ = solid(state, thickness)
+    corners = facet_corners(state)
+    normal = np.cross(state.g, state.u)
+    normal /= np.linalg.norm(normal, axis=1)[:, None]
+    heights = np.einsum("ij,ij->i", points.reshape(-1, 4, 3)[: state.segments, 0] - corners[:, 1], normal)
+    np.testing.assert_allclose(heights, thickness / 2, rtol=1e-9)
+
+
+@pytest.mark.parametrize("thickness", [0.0, -1.0, float("nan")])
+def test_no_thickness_no_solid(solved, thickness):  # noqa: F811
+    with pytest.raises(UsageError, match="thickness must be positive"):
+        solid(states_of(solved, "ring")[0], thickness)
+
+
+def test_vtk_reads_a_branch_as_a_series(solved, tmp_path):  # noqa: F811
+    states = [s for s in states_of(solved, "mobius") if s.segments == 48]
+    # Steps of different sizes, among them an open strip.
+    states.append(states_of(solved, "mobius", "auxiliary")[3])
+    path = tmp_path / "branch.vtkhdf"
+    path.write_bytes(vtkhdf_bytes(states, "a branch"))
+    reader = vtkHDFReader()
+    reader.SetFileName(str(path))
+    reader.UpdateInformation()
+    assert reader.GetNumberOfSteps() == len(states) == 3
+    for k, state in enumerate(states):
+        reader.SetStep(k)
+        reader.Update()
+        assert reader.GetTimeValue() == state.half_width
+        grid = reader.GetOutputDataObject(0)
+        mesh = surface(state)
+        np.testing.assert_array_equal(vtk_to_numpy(grid.GetPoints().GetData()), mesh.points)
+        assert grid.GetNumberOfCells() == state.segments
+        assert grid.GetCellType(0) == 9
+        cell = grid.GetCell(state.segments - 1)
+        assert [cell.GetPointId(i) for i in range(4)] == mesh.quads[-1].tolist()
+        cells, points = grid.GetCellData(), grid.GetPointData()
+        assert {cells.GetArrayName(i) for i in range(cells.GetNumberOfArrays())} == {
+            *("eta_prime", "xi", "lambda_1", "lambda_4", "lambda_5", "normal", "facet")
+        }
+        np.testing.assert_array_equal(vtk_to_numpy(cells.GetArray("xi")), state.xi)
+        eta = vtk_to_numpy(points.GetArray("eta"))
+        np.testing.assert_array_equal(eta[: 2 * state.segments : 2], state.eta)
+        energy = grid.GetFieldData().GetArray("energy")
+        assert energy.GetNumberOfTuples() == 1
+        assert energy.GetTuple1(0) == state.energy
+
+
+def test_csv_holds_every_field_exactly(state):
+    lines = csv_bytes(state, "a band").decode().splitlines()
+    assert lines[0] == "# a band"
+    rows = list(csv.DictReader(io.StringIO("\n".join(lines[1:]))))
+    assert len(rows) == state.segments
+    for name in ("kappa_s", "tau", "eta", "eta_prime", "xi", "lambda_1", "lambda_3"):
+        np.testing.assert_array_equal([float(row[name]) for row in rows], getattr(state, name))
+    np.testing.assert_array_equal([float(row["midline_y"]) for row in rows], state.midline[:-1, 1])
+    h = state.length / state.segments
+    assert float(rows[2]["alpha_facet"]) == pytest.approx(2.5 * h)
+
+
+def test_json_holds_the_summary_and_the_arrays(state):
+    document = json.loads(json_bytes(state, "run-1"))
+    assert document["content_sha256"] == content_sha256(state)
+    assert {key: document[key] for key in summary(state, "run-1")} == summary(state, "run-1")
+    np.testing.assert_array_equal(document["arrays"]["g"], state.g)
+    assert document["arrays"].keys() >= {"lambda_1", "gamma", "midline", "g_end"}
+    for spectrum in state.spectra:
+        np.testing.assert_array_equal(document["spectra"][spectrum.metric]["values"], spectrum.values)
+
+
+def test_json_has_no_nan(state):
+    json.loads(json_bytes(replace(state, twist=float("nan")), None), parse_constant=pytest.fail)
+
+
+@pytest.mark.parametrize("form", ["obj", "stl", "ply", "vtkhdf", "csv", "json", "svg", "pdf", "html"])
+def test_every_format_from_the_command_line(form, solved, tmp_path):  # noqa: F811
+    path = tmp_path / f"band.{form}"
+    words = ("export", "mobius@b=0.2,N=24", "--to", form, "-o", path, "--runs", solved)
+    assert ribbon_json(*words)["path"] == str(path)
+    first = path.read_bytes()
+    assert len(first) > 1000
+    result = ribbon(*words)
+    assert result.exit_code == 2
+    assert "exists already" in result.stderr
+    assert ribbon(*words, "--overwrite").exit_code == 0
+    assert path.read_bytes() == first  # the same state gives the same bytes
+
+
+def test_a_run_is_exported_as_a_series(solved, tmp_path):  # noqa: F811
+    words = ("export", "mobius", "--to", "vtkhdf", "-o", tmp_path / "a.vtkhdf", "--runs", solved)
+    assert len(ribbon_json(*words)["states"]) == 2
+    result = ribbon("export", "mobius", "--to", "obj", "--runs", solved)
+    assert result.exit_code == 2
+    assert "obj takes one state" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--to", "obj", "--size", "3"), "--size does nothing for obj: it is for stl, svg, pdf"),
+        (("--to", "svg", "--paper", "A5"), "no paper 'A5' (known: A4, Letter)"),
+        (("--to", "pdf", "--size", "9000"), "take a smaller --size"),
+        (("--to", "pdf", "--size", "-1"), "a size must be a positive number"),
+        (("--to", "stl", "--thickness", "0"), "a thickness must be positive"),
+        (("--to", "npz", "--size", "1"), "npz has no options"),
+        (("--to", "vtkhdf", "--segments", "24"), "--segments goes with a run"),
+    ],
+)
+def test_options_that_make_no_sense(words, message, solved, tmp_path):  # noqa: F811
+    result = ribbon("export", "mobius@b=0.2,N=24", *words, "-o", tmp_path / "x", "--runs", solved)
+    assert result.exit_code == 2
+    assert message in result.stderr
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,213 @@
+"""`ribbon plot`, `ribbon report` and the figures of chapter 3, on small runs."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli_support import ribbon, ribbon_json
+from picture_support import run_named, solved, states_of  # noqa: F401
+
+from ribbon_cli.cli.export_command import EXPORT_FORMATS
+from ribbon_cli.cli.plot_command import PLOT_KINDS
+from ribbon_cli.config import load_config
+from ribbon_cli.errors import UsageError
+from ribbon_cli.export.formats import FORMATS
+from ribbon_cli.paper import claims
+from ribbon_cli.paper.figures import ITEMS
+from ribbon_cli.paper.make import make
+from ribbon_cli.plot.kinds import KINDS
+from ribbon_cli.plot.levels import lowest_elastic
+
+ROOT = Path(__file__).parent.parent
+OF_A_STATE = ("shape", "geometry", "multipliers", "spectrum", "pattern")
+OF_A_RUN = ("geometry", "multipliers", "spectrum", "convergence", "branch", "family")
+
+
+def test_help_names_what_there_is():
+    assert tuple(KINDS) == PLOT_KINDS
+    assert {"npz", *FORMATS} == set(EXPORT_FORMATS)
+
+
+@pytest.mark.parametrize(
+    ("ref", "kind"),
+    [*(("mobius@b=0.2,N=48", kind) for kind in OF_A_STATE), *(("mobius", kind) for kind in OF_A_RUN)],
+)
+def test_every_kind_is_drawn(ref, kind, solved, tmp_path):  # noqa: F811
+    path = tmp_path / "picture.svg"
+    words = ("plot", ref, kind, "-o", path, "--runs", solved)
+    document = ribbon_json(*words)
+    assert document["path"] == str(path)
+    assert document["run"] == run_named(solved, "mobius").name
+    first = path.read_text(encoding="utf-8")
+    # The caption says what is shown, in the picture and in the file's own words.
+    assert document["run"] in first
+    assert re.search(r"<dc:title>\w", first)
+
+
+def test_the_same_picture_has_the_same_bytes(solved, tmp_path):  # noqa: F811
+    for form in ("pdf", "svg", "png"):
+        paths = [tmp_path / f"{k}.{form}" for k in range(2)]
+        for path in paths:
+            assert ribbon("plot", "ring:1", "geometry", "-o", path, "--runs", solved).exit_code == 0
+        assert paths[0].read_bytes() == paths[1].read_bytes()
+
+
+@pytest.mark.parametrize("form", ["pdf", "png"])
+@pytest.mark.parametrize("style", ["paper", "talk"])
+def test_formats_and_styles(form, style, solved, tmp_path):  # noqa: F811
+    path = tmp_path / f"picture.{form}"
+    result = ribbon("plot", "ring@b=0.5,N=24", "shape", "--style", style, "-o", path, "--runs", solved)
+    assert result.exit_code == 0
+    assert result.stdout.strip() == str(path)
+    assert "certified minimum" in result.stderr
+    assert path.read_bytes()[:4] == {"pdf": b"%PDF", "png": b"\x89PNG"}[form]
+
+
+def test_a_caption_can_be_left_out(solved, tmp_path):  # noqa: F811
+    path = tmp_path / "picture.svg"
+    ribbon("plot", "ring:1", "shape", "--no-caption", "-o", path, "--runs", solved)
+    assert "<text" in path.read_text(encoding="utf-8")
+    assert not re.search(r"<text[^>]*>Shape\.", path.read_text(encoding="utf-8"))
+
+
+def test_several_states_on_one_picture(solved, tmp_path):  # noqa: F811
+    words = ("plot", "mobius@b=0.1,N=24", "geometry", "--with", "mobius@b=0.1,N=48", "--runs", solved)
+    document = ribbon_json(*words, "-o", tmp_path / "picture.svg")
+    assert len(document["labels"]) == 2
+    mixed = ribbon_json(*words[:-2], "--with", "ring:1", "--runs", solved, "-o", tmp_path / "mixed.svg")
+    assert mixed["run"] is None
+
+
+@pytest.mark.parametrize("ref", ["mobius:1", "mobius:4"])
+def test_auxiliary_states_are_drawn(ref, solved, tmp_path):  # noqa: F811
+    for kind in ("shape", "geometry", "multipliers"):
+        assert ribbon("plot", ref, kind, "-o", tmp_path / f"{kind}.svg", "--runs", solved).exit_code == 0
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("mobius", "shap"), "no kind of picture 'shap'"),
+        (("mobius", "shape"), "shape shows one state: name one of mobius-"),
+        (
+            ("mobius:1", "shape", "--style", "papre"),
+            "no style 'papre' (known: paper, talk); did you mean paper?",
+        ),
+        (("mobius:1", "shape", "-o", "x.jpg"), "a picture's file ends in .pdf, .svg or .png"),
+        (("mobius:1", "shape", "--view", "12"), "expected two numbers of degrees"),
+        (("mobius:1", "shape", "--view", "0,91"), "the elevation lies between"),
+        (("mobius:1", "spectrum"), "state 1 has no spectrum: spectra are stored with equilibria"),
+        (("mobius:1", "pattern"), "state 1 has an open seam"),
+        (("mobius", "branch", "--segments", "25"), "has no equilibrium with N = 25: it has N = 24, 48"),
+        (("mobius", "shape", "--with", "mobius:1"), "--with goes with a state"),
+        (("nothing", "family"), "no run 'nothing'"),
+    ],
+)
+def test_what_cannot_be_drawn(words, message, solved, tmp_path, monkeypatch):  # noqa: F811
+    monkeypatch.chdir(tmp_path)
+    result = ribbon("plot", *words, "--runs", solved)
+    assert result.exit_code == 2
+    assert message in result.stderr
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_lowest_elastic_eigenvalue_is_no_rotation(solved):  # noqa: F811
+    for state in states_of(solved, "mobius"):
+        (physical,) = (s for s in state.spectra if s.metric == "physical")
+        value = lowest_elastic(state)
+        assert value in physical.values
+        assert physical.labels[list(physical.values).index(value)] == "mode"
+
+
+# --- pages ---
+
+
+def test_a_report_needs_nothing_else(solved, tmp_path):  # noqa: F811
+    path = tmp_path / "page.html"
+    assert ribbon_json("report", "mobius", "-o", path, "--runs", solved)["path"] == str(path)
+    text = path.read_text(encoding="utf-8")
+    run = run_named(solved, "mobius")
+    assert run.name in text
+    for state in run.states():
+        assert f'<td class="n">{state["energy"]:.9f}</td>' in text
+    assert text.count("data:image/png;base64,") >= 6
+    assert "recipe: twist" in text
+    assert "version_numpy" in text
+    # Nothing is fetched: every source is inside the page, and the browser is told so.
+    assert not re.search(r"""(src|href)=["'](?!data:)""", text)
+    assert "default-src 'none'" in text
+    assert ribbon("report", "mobius", "-o", path, "--runs", solved).exit_code == 2
+
+
+def test_figures_have_configs_and_targets():
+    for item in ITEMS.values():
+        for config in item.configs:
+            assert load_config(ROOT / "configs" / "paper" / f"{config}.yaml").name == f"paper-{config}"
+    figures = {f"figure-3.{k}" for k in range(1, 15)}
+    assert set(ITEMS) == figures | {"table-3.1"}
+    done = subprocess.run(
+        ["make", "--dry-run", *figures], cwd=ROOT, capture_output=True, text=True, timeout=60, check=True
+    )
+    assert {line.split()[-1] for line in done.stdout.splitlines() if "ribbon_cli.paper" in line} == figures
+
+
+def test_one_figure_alone(tmp_path):
+    """Figure 3.1, twice: the second time nothing is solved, and every file is the same."""
+    said: list[str] = []
+    before: dict[str, bytes] = {}
+    for _ in range(2):
+        made = make(
+            ["figure-3.1"], ROOT / "configs" / "paper", tmp_path / "runs", tmp_path / "paper", said.append
+        )
+        files = {path.name: path.read_bytes() for path in (tmp_path / "paper").iterdir()}
+        panels = ("", "-a", "-b", "-c")
+        assert set(files) == {f"figure-3.1{panel}.{form}" for panel in panels for form in ("pdf", "png")}
+        assert len(made["figure-3.1"].sources) == 3
+        before = before or files
+        assert files == before
+    with pytest.raises(UsageError, match=r"no figure 'figure-3.15'"):
+        make(["figure-3.15"], ROOT, tmp_path, tmp_path, said.append)
+
+
+# --- claims ---
+
+
+def test_claims_about_the_pi_band(solved):  # noqa: F811
+    state = states_of(solved, "mobius")[-1]
+    assert claims.inflection_count(state, 1).agrees
+    assert not claims.inflection_count(state, 3).agrees
+    assert claims.half_turn_symmetry(state).agrees
+    assert not claims.period(state, "tau", 2, 1, "periodic", "it is not").agrees
+    assert claims.period(state, "tau", 1, 1, "after the whole length").agrees
+    # Across the seam kappa_s comes back with the opposite sign.
+    assert claims.period(state, "kappa_s", 1, -1, "antiperiodic").agrees
+    assert all(check.agrees for check in claims.largest_at_inflections(state, ("lambda_5",)))
+    assert claims.certified_minima(states_of(solved, "mobius")).agrees
+
+
+def test_claims_about_a_ring(solved):  # noqa: F811
+    state = states_of(solved, "ring")[-1]
+    assert not claims.inflection_count(state, 2).agrees
+    assert not claims.half_a_band_apart(state).agrees
+    assert not claims.contact_width([], "1.5").agrees
+
+
+def test_claims_about_contact():
+    touching = {"self_contact": True, "certified": True, "segments": 100, "half_width": 1.51}
+    apart = touching | {"self_contact": False, "half_width": 1.4}
+    finer = touching | {"segments": 200, "half_width": 1.512}
+    assert claims.contact_width([apart, touching, finer], "1.5").agrees
+    assert not claims.contact_width([apart, touching, finer], "1.50").agrees
+    assert not claims.contact_width([apart], "1.4").agrees
+
+
+def test_half_of_a_spectrum():
+    low, high = np.linspace(0.01, 0.02, 50), np.linspace(1.0, 2.0, 50)
+    falling = [(n, np.concatenate((low / n, high))) for n in (1, 2, 4)]
+    assert [check.agrees for check in claims.half_vanish(falling, "made up")] == [True, True]
+    steady = [(n, np.concatenate((low, high))) for n in (1, 2, 4)]
+    assert [check.agrees for check in claims.half_vanish(steady, "made up")] == [True, False]
