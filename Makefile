@@ -65,7 +65,7 @@ test-minimum: $(MINIMUM)/ready ## run the quick tests on the lowest supported ve
 		--ignore=tests/test_export_formats.py
 
 test-browser: $(READY_DEV) ## open the HTML viewer in headless Chromium (apt install chromium)
-	@$(BIN)/python -m pytest tests/browser
+	@$(BIN)/python -m pytest -m browser tests/browser
 
 test-large: $(READY_DEV) ## inertia, dense algebra and Lanczos at N = 400 and 800, a few minutes
 	@$(BIN)/python -m pytest -m large

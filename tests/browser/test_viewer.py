@@ -18,6 +18,8 @@ from ribbon_cli.api import solve
 from ribbon_cli.config import parse_config
 from ribbon_cli.export.viewer import viewer_html
 
+pytestmark = pytest.mark.browser
+
 LARGEST = 3_000_000
 
 
