@@ -191,6 +191,10 @@ def test_natural_continuation_meets_widths_and_locates_contact(tmp_path):
     free = max(state["half_width"] for state in states if not state["self_contact"])
     assert 0.0 < last["half_width"] - free <= 1e-5
     assert ribbon_json(*words)["new_states"] == 0
+    beyond = ribbon_json("continue", "wide:1", "--to", "1.55", "--at", "1.2", *options)
+    assert (beyond["end"]["reason"], beyond["end"]["half_width"]) == ("range", 1.55)
+    found = [(p["type"], p["half_width"]) for p in beyond["points"] if p["self_contact"]]
+    assert found == [("contact", last["half_width"]), ("width", 1.55)]
 
 
 def test_continue_with_too_few_steps_says_so(given):

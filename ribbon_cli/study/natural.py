@@ -26,7 +26,7 @@ class Natural:
     def __init__(self, steps: Steps, request: Arclength, start: StateRecord) -> None:
         self.steps, self.journal = steps, steps.journal
         self.request, self.start = request, start
-        self.met: list[StateRecord] = []
+        self.met: list[tuple[StateRecord, str]] = []
 
     def follow(self, name: str) -> Course:
         """Reach the widths `at` on the way and `to`; the course ends with the first that is not reached."""
@@ -41,7 +41,7 @@ class Natural:
         end = end or End(Reason.RANGE, to)
         message = f"{end.reason.sentence} {end.detail}".strip()
         self.journal.note(f"{name} ends at b = {end.half_width:.12g}: {message}")
-        points = tuple(_point(record) for record in self.met)
+        points = tuple(_point(record, kind) for record, kind in self.met)
         return Course(name, self.start.label, points, end.reason.value, end.half_width, message)
 
     def _reach(self, name: str, current: StateRecord, b: float) -> tuple[StateRecord, End | None]:
@@ -56,16 +56,18 @@ class Natural:
                     return current, End(Reason.STEP_TOO_SMALL, current.half_width, _hint(following))
                 step = 0.5 * (aim - current.half_width)
                 continue
-            if following.self_contact and not current.self_contact and "contact" in self.request.stop_at:
-                return self._locate_contact(name, current, following)
-            self.met.append(following)
+            if following.self_contact and not current.self_contact:
+                touching, end = self._locate_contact(name, current, following)
+                if "contact" in self.request.stop_at:
+                    return touching, end
+                if end.reason is not Reason.CONTACT:
+                    self.journal.note(f"{name}: contact not located: {end.detail}")
+            self.met.append((following, "width" if following.kind == "equilibrium" else "step"))
             step = 2.0 * (following.half_width - current.half_width)
             current = following
         return current, None
 
-    def _locate_contact(
-        self, name: str, before: StateRecord, after: StateRecord
-    ) -> tuple[StateRecord, End | None]:
+    def _locate_contact(self, name: str, before: StateRecord, after: StateRecord) -> tuple[StateRecord, End]:
         """Halve the step that led to contact until the width is known; the end is in contact."""
         low, high = before, after
         near = CONTACT_ACCURACY * before.length
@@ -75,7 +77,7 @@ class Natural:
             if isinstance(found, str):
                 return low, End(Reason.STEP_TOO_SMALL, low.half_width, found)
             low, high = (low, found) if found.self_contact else (found, high)
-        self.met.append(high)
+        self.met.append((high, "contact"))
         return high, End(Reason.CONTACT, high.half_width)
 
     def _step(self, name: str, current: StateRecord, b: float, kind: str) -> StateRecord | str:
@@ -99,8 +101,7 @@ def _hint(why: str) -> str:
     return f"{why} --arclength goes around folds."
 
 
-def _point(record: StateRecord) -> CoursePoint:
-    kind = "width" if record.kind == "equilibrium" else "contact" if record.self_contact else "step"
+def _point(record: StateRecord, kind: str) -> CoursePoint:
     return CoursePoint(
         label=record.label,
         type=kind,
