@@ -162,7 +162,7 @@ def test_natural_continuation_stops_before_the_fold(given):
     """It keeps its last good state, and says what would go on."""
     document = ribbon_json("continue", "one:1", "--to", "0.2", *given, code=3)
     assert document["end"]["reason"] == "step-too-small"
-    assert "--arclength goes around folds" in document["end"]["message"]
+    assert "--arclength goes on around folds" in document["end"]["message"]
     assert document["end"]["half_width"] < FOLD
     assert document["points"][-1]["half_width"] == document["end"]["half_width"] > 0.11
     assert {point["status"] for point in document["points"]} == {"minimum"}

@@ -244,10 +244,10 @@ def test_contact_ends_a_schedule_if_asked_to(tmp_path: Path, monkeypatch: pytest
     text = SMALL + "widths: [0.3, 0.4, 0.5]\ncontact: HOW\n"
     stopped = solve_config(config(text.replace("HOW", "stop")), tmp_path)
     assert [(t.half_width, t.reached) for t in stopped.targets] == [(0.3, True), (0.4, True), (0.5, False)]
-    assert any("touches itself at b = 0.4" in note for note in stopped.notes)
+    assert any("touches itself from b = 0.4" in note for note in stopped.notes)
     assert stopped.exit_code == 3
     assert stopped.failures == (
-        "b = 0.5, N = 20: not reached: the band touches itself at b = 0.4: contact: stop ends the schedule",
+        "b = 0.5, N = 20: not reached: the band touches itself from b = 0.4: contact: stop ends the schedule",
     )
     recorded = solve_config(config(text.replace("HOW", "record")), tmp_path)
     assert [t.half_width for t in recorded.targets] == [0.3, 0.4, 0.5]

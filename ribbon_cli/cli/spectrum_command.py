@@ -24,6 +24,7 @@ _FORMATS = ("text", "markdown", "csv", "json", "npz")
 @click.option("--convergence", is_flag=True, help="Of a RUN: the lowest eigenvalues over N, orders, limits.")
 @click.option("--format", "style", type=click.Choice(_FORMATS), help="Default: text.")
 @click.option("-o", "--output", metavar="PATH", shell_complete=complete_file, help="Write to a file instead.")
+@click.option("--overwrite", is_flag=True, help="Replace a file that exists.")
 @common_options
 @pass_settings
 def spectrum(
@@ -35,6 +36,7 @@ def spectrum(
     convergence: bool,
     style: str | None,
     output: str | None,
+    overwrite: bool,
 ) -> int:
     """Eigenvalues, modes by name, and stability.
 
@@ -51,14 +53,14 @@ def spectrum(
     if style == "npz" and (output is None or convergence or not names_state(ref)):
         raise UsageError("--format npz holds the modes of one STATE: name it, and the file with -o")
     if output is not None:
-        check_target(output, overwrite=style != "npz")
+        check_target(output, overwrite, "add --overwrite, or choose another with -o")
     if convergence:
         document, failures = _converge(settings, ref, metric, modes)
     elif full and not names_state(ref):
         document, failures = _all_of_run(settings, ref, metric), []
     else:
         document, failures = (
-            _analyse(settings, ref, metric, modes, full, output if style == "npz" else None),
+            _analyse(settings, ref, metric, modes, full, output if style == "npz" else None, overwrite),
             [],
         )
         if style == "npz":
@@ -70,7 +72,13 @@ def spectrum(
 
 
 def _analyse(
-    settings: Settings, ref: str, metric: str, modes: int | None, full: bool, archive: str | None
+    settings: Settings,
+    ref: str,
+    metric: str,
+    modes: int | None,
+    full: bool,
+    archive: str | None,
+    overwrite: bool,
 ) -> dict[str, Any]:
     """One state's document; its modes go to the npz file `archive`, if that is asked for."""
     from ribbon_cli.api import open_state
@@ -81,7 +89,7 @@ def _analyse(
     found = stability_of(record, metric, modes or 12, full)
     document = document_of(record, found, run.name if run else None)
     if archive is not None:
-        write_arrays(archive, arrays_of(record, found, run.name if run else ""))
+        write_arrays(archive, arrays_of(record, found, run.name if run else ""), overwrite)
         say(settings, f"wrote {archive}")
     return document
 

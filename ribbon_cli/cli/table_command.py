@@ -35,6 +35,7 @@ _FORMATS = ("text", "markdown", "latex", "csv", "json")
     help="With --thesis: a state in another minimum, which may explain a published number.",
 )
 @click.option("-o", "--output", metavar="PATH", shell_complete=complete_file, help="Write to a file instead.")
+@click.option("--overwrite", is_flag=True, help="Replace a file that exists.")
 @common_options
 @pass_settings
 def convergence_table(
@@ -44,6 +45,7 @@ def convergence_table(
     thesis: bool,
     second_minimum: str | None,
     output: str | None,
+    overwrite: bool,
 ) -> int:
     """Energies under refinement: differences, orders, limits.
 
@@ -56,7 +58,7 @@ def convergence_table(
     if second_minimum and not thesis:
         raise UsageError("--second-minimum needs --thesis")
     if output is not None:
-        check_target(output, overwrite=True)
+        check_target(output, overwrite, "add --overwrite, or choose another with -o")
     other = _entry_of(settings, second_minimum) if second_minimum else None
     run, outcome = _run(settings, source, thesis)
     table = _table(run, outcome)

@@ -121,9 +121,10 @@ def _bisect(steps: Steps, free: _End, touching: _End, stage: str, parent: int) -
         return None
     assert touching.move is not None
     assert touching.result is not None
+    word = "first contact" if touching.half_width > free.half_width else "contact ends"
     i, j = (int(k) + 1 for k in touching.contact.pairs[0])
     event = (
-        f"first contact: facets {i} and {j} meet at b = {touching.half_width:.10g}, "
+        f"{word}: facets {i} and {j} meet at b = {touching.half_width:.10g}, "
         f"at b = {free.half_width:.10g} none do (clearance {free.contact.clearance:.2g})"
     )
     return steps.store_move(

@@ -38,7 +38,13 @@ def given_state(config: Config, root: Path) -> tuple[State, str]:
         length, sigma, n = float(data["length"]), int(data["sigma"]), int(data["xi"].size)
         found = State(Band(n, float(data["half_width"]), length, sigma), data["u"], data["g"], data["xi"])
     else:
-        found = state_of(_record(run, label, path))
+        record = _record(run, label, path)
+        if record.kind == "auxiliary":
+            raise UsageError(
+                f"{ref}: an auxiliary state ({record.stage}): its rulings are prescribed or its seam is "
+                "open; start from an equilibrium"
+            )
+        found = state_of(record)
     _check_fit(config, found, ref)
     scale = config.length / found.band.length
     band = Band(

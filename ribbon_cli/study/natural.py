@@ -98,7 +98,7 @@ class Natural:
 
 
 def _hint(why: str) -> str:
-    return f"{why} --arclength goes around folds."
+    return f"{why} --arclength goes on around folds and past losses of stability, and locates them."
 
 
 def _point(record: StateRecord, kind: str) -> CoursePoint:

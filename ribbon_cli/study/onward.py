@@ -80,6 +80,13 @@ def _check(ref: str, record: StateRecord, request: Arclength) -> None:
             raise UsageError(
                 f"{option}: must be a half-width between 0 and the length {record.length:g}, got {width:g}"
             )
+    ends = (record.half_width, request.to, request.to if request.back_to is None else request.back_to)
+    for width in request.at:
+        if not min(ends) <= width <= max(ends):
+            raise UsageError(
+                f"--at: {width:g} is not between b = {min(ends):.12g} and {max(ends):.12g}, "
+                "where the branch is followed"
+            )
     if abs(request.to - record.half_width) <= 1e-9 * record.half_width:
         raise UsageError(f"{ref}: has b = {record.half_width:.12g} already")
 

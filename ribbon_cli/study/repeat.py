@@ -22,7 +22,7 @@ from .solve import solve_config
 class Rerun:
     """A run, what came of repeating it, and its states beside the new ones.
 
-    `extra` are states that the config does not lead to, such as those of `ribbon refine`.
+    `extra` are states that the config does not lead to, those of `ribbon refine` and `ribbon continue`.
     """
 
     run: Run
@@ -59,8 +59,13 @@ def rerun(
     finally:
         if into is None:
             shutil.rmtree(folder, ignore_errors=True)
-    extra = tuple(pair for pair in pairs if pair.second is None and " refined to " in pair.stage)
+    extra = tuple(pair for pair in pairs if pair.second is None and _by_command(pair.stage))
     return Rerun(run, outcome, tuple(pair for pair in pairs if pair not in extra), extra)
+
+
+def _by_command(stage: str) -> bool:
+    """Whether a stage is one of `ribbon refine` or `ribbon continue`, wherever no config leads to it."""
+    return " refined to " in stage or stage.startswith(("from ", "branch from "))
 
 
 def stored_config(run: Run) -> Config:

@@ -296,7 +296,10 @@ class _Study:
             self.targets.append(_target(current))
             self._refine(current, b, visit)
             if current.self_contact and self.config.contact == "stop" and self.stopped is None:
-                self._stop(f"the band touches itself at b = {b:.12g}: contact: stop ends the schedule")
+                self._stop_in_contact(current.half_width)
+
+    def _stop_in_contact(self, half_width: float) -> None:
+        self._stop(f"the band touches itself from b = {half_width:.10g}: contact: stop ends the schedule")
 
     def _reach(self, current: StateRecord, b: float, visit: int) -> StateRecord:
         """Continue to width b, halving steps that fail; the last state reached, `stopped` if it is not b."""
@@ -305,8 +308,10 @@ class _Study:
             if following is None:
                 return current
             beside = (refined_at(self.config, end) for end in (b, current.half_width))
-            locate_contact(self.steps, current, following, next(filter(None, beside), ()))
+            found = locate_contact(self.steps, current, following, next(filter(None, beside), ()))
             current = following
+            if current.self_contact and self.config.contact == "stop" and self.stopped is None:
+                self._stop_in_contact(found[0].half_width if found else current.half_width)
             if current.kind == "equilibrium" or self.stopped is not None:
                 return current
 
