@@ -57,7 +57,7 @@ def test_shapes_in_a_row_are_named_by_their_stages(solved, tmp_path):  # noqa: F
     assert len(document["labels"]) == 3
     text = path.read_text(encoding="utf-8")
     for stage in ("twist 5/10", "twist 10/10", "refined to N = 48"):
-        assert f">{stage}</text>" in text
+        assert f">{stage}<" in text
 
 
 def test_the_same_picture_has_the_same_bytes(solved, tmp_path):  # noqa: F811

@@ -103,8 +103,13 @@ def _shape(source: Source, style: Style) -> Picture:
     if len(states) < 2:
         record = _one(source, "shape")
         return Picture(shape_figure(record, style, source.angles), "Shape", (record,))
-    panels = [Panel(record, fill(record.stage, TITLE_COLUMNS)) for record in states]
+    panels = [Panel(record, _title(record.stage)) for record in states]
     return Picture(shapes_figure(panels, style, aligned=True, angles=source.angles), "Shapes", states)
+
+
+def _title(stage: str) -> str:
+    """A stage's name in short lines."""
+    return "\n".join(fill(part, TITLE_COLUMNS) for part in stage.replace(", ", ",\n").splitlines())
 
 
 def _geometry(source: Source, style: Style) -> Picture:
