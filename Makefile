@@ -40,7 +40,7 @@ checkerboard: setup ## spectra of Figure 3.14 under both rules, and the physical
 	done
 
 # The branches of docs/everted-cylinder.md, from stored recipes to contact.
-EVERTED := 40 80 160 320 640 40a 80a 80b 80c 160a
+EVERTED := 40 80 160 320 640 40a 80a 80b 80c 160a $(addsuffix -value-average,40 80 160 320)
 everted-cylinder: setup ## follow the branches of the everted cylinder: where it is stable, where not
 	@for n in $(EVERTED); do $(BIN)/ribbon solve configs/everted-branch-$$n.yaml || exit $$?; done
 	@for n in 40 80 160 320; do \

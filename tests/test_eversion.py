@@ -90,6 +90,20 @@ def test_the_stages_are_stored_with_the_rejoined_band(tmp_path: Path) -> None:
     assert everted(tmp_path, 40, steps=10)[0].states(all=True) == run.states(all=True)
 
 
+def test_steps_that_fail_are_halved_and_reported(tmp_path: Path) -> None:
+    """All in one step turns facets inside out; in two halves it goes, and the band is the same."""
+    run, code = everted(tmp_path, 40, steps=1)
+    assert code == 0
+    states = run.states(all=True)
+    solved = [s for s in states if s["stage"].startswith("eversion")]
+    assert [s["stage"] for s in solved] == ["eversion 0/1", "eversion 0.5/1", "eversion 1/1"]
+    assert [len(s["events"]) for s in solved] == [0, 1, 0]
+    assert "a step from eversion 0/1 to 1 failed, halved" in solved[1]["events"][0]
+    assert solved[1]["parent"] == solved[0]["label"]
+    assert states[-1]["energy"] == pytest.approx(0.640012967, abs=5e-10)
+    assert len(everted(tmp_path, 40, steps=1)[0].states(all=True)) == len(states)
+
+
 def test_the_half_turn_is_stored_as_pieces(tmp_path: Path) -> None:
     """From the last auxiliary band, cut, to the joined one: each piece moves rigidly, as Figure 3.2 shows."""
     run, _ = everted(tmp_path, 40, steps=5)

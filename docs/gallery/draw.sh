@@ -1,9 +1,10 @@
 #!/bin/sh
-# Draws the pictures of the documentation from the configs: draw.sh RIBBON, in the project's folder.
+# Draws the pictures of the documentation from the configs: draw.sh RIBBON, in the project's folder. RIBBON has a
+# `python` with matplotlib beside it.
 set -eu
 ribbon=$1
 to=docs/gallery
-for config in mobius-pi mobius-pi-contact mobius-3pi everted-cylinder-160 ring; do
+for config in mobius-pi mobius-pi-contact mobius-3pi everted-cylinder-160 everted-cylinder-40 cylinder ring; do
     "$ribbon" -q solve "configs/$config.yaml" > /dev/null
 done
 draw() {
@@ -20,3 +21,26 @@ draw spectrum ring spectrum
 draw convergence mobius-pi convergence
 draw branch mobius-pi-contact branch
 draw pattern mobius-pi@b=0.5,N=50 pattern
+# The recipes of docs/recipes.md stage by stage, with few colours: they need no more, and the files are small.
+small() {
+    "$(dirname "$ribbon")/python" - "$to/$1.png" << 'END'
+import sys
+from PIL import Image
+
+Image.open(sys.argv[1]).convert("RGB").quantize(64).save(sys.argv[1], optimize=True)
+END
+}
+row() {
+    picture=$1 run=$2 first=$3
+    shift 3
+    for label in "$@"; do
+        set -- "$@" --with "$run:$label"
+        shift
+    done
+    draw "$picture" "$run:$first" shape "$@"
+    small "$picture"
+}
+row recipe-cylinder cylinder 3 6
+row recipe-twist mobius-pi 17 33 50 52
+row recipe-schoenke mobius-3pi 1 2 35
+row recipe-eversion everted-cylinder-40 1 14 26 27 29 31 33

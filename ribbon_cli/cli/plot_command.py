@@ -56,7 +56,8 @@ def plot(
     """Draw a state or a run, from what is stored.
 
     \b
-    KIND of a state:           shape, pattern
+    KIND of a state:           pattern
+    KIND of states:            shape
     KIND of states or a run:   geometry, multipliers, spectrum
     KIND of a run:             convergence, branch, family
     """

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 from ribbon_cli.errors import UsageError
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
 MOST_CURVES = 7
 """Most curves that one panel tells apart."""
 MOST_SHAPES = 12
+TITLE_COLUMNS = 24
+"""Letters in a line of a title where shapes stand in a row."""
 
 
 @dataclass(frozen=True)
@@ -94,10 +97,19 @@ def _thinned(items: Sequence[dict[str, Any]], most: int) -> list[dict[str, Any]]
 
 
 def _shape(source: Source, style: Style) -> Picture:
-    from ribbon_cli.plot.pictures import shape_figure
+    from ribbon_cli.plot.pictures import Panel, shape_figure, shapes_figure
 
-    record = _one(source, "shape")
-    return Picture(shape_figure(record, style, source.angles), "Shape", (record,))
+    states = source.states
+    if len(states) < 2:
+        record = _one(source, "shape")
+        return Picture(shape_figure(record, style, source.angles), "Shape", (record,))
+    panels = [Panel(record, _title(record.stage)) for record in states]
+    return Picture(shapes_figure(panels, style, aligned=True, angles=source.angles), "Shapes", states)
+
+
+def _title(stage: str) -> str:
+    """A stage's name in short lines."""
+    return "\n".join(fill(part, TITLE_COLUMNS) for part in stage.replace(", ", ",\n").splitlines())
 
 
 def _geometry(source: Source, style: Style) -> Picture:
@@ -182,7 +194,7 @@ def _pattern(source: Source, style: Style) -> Picture:
 
 
 KINDS: dict[str, tuple[Callable[[Source, Style], Picture], str]] = {
-    "shape": (_shape, "the surface with its rulings, of a state"),
+    "shape": (_shape, "the surface with its rulings, of states in a row"),
     "geometry": (_geometry, "curvature, torsion, eta and eta' along the band, of states or a run"),
     "multipliers": (_multipliers, "lambda_1 to lambda_5 along the band, of states or a run"),
     "spectrum": (_spectrum, "eigenvalues of the projected Hessian, of states or a run"),

@@ -25,9 +25,12 @@ INFLECTIONS = 2
 
 @dataclass(frozen=True)
 class EversionStage:
-    """One auxiliary problem: stage `index` of `count`, both rulings turned by `angle` (radians)."""
+    """One auxiliary problem: stage `index` of `count`, both rulings turned by `angle` (radians).
 
-    index: int
+    The index is not whole where a step that failed was halved.
+    """
+
+    index: float
     count: int
     angle: float
     prescription: Prescription
@@ -35,7 +38,7 @@ class EversionStage:
     @property
     def name(self) -> str:
         """The stage in words."""
-        return f"eversion {self.index}/{self.count}"
+        return f"eversion {self.index:.10g}/{self.count}"
 
     def guard(self) -> Callable[[State], str | None]:
         """Complain about states that have another linking number than the cylinder's."""
@@ -58,11 +61,16 @@ def eversion_stages(segments: int, steps: int) -> Iterator[EversionStage]:
     if segments % 2 or steps < 1:
         raise ValueError("an eversion needs an even number of segments and at least one step")
     for k in range(steps + 1):
-        angle = 0.5 * math.pi * k / steps
-        # Exact at the end, so that the halves fit when one is turned.
-        sine, cosine = (1.0, 0.0) if k == steps else (math.sin(angle), math.cos(angle))
-        prescribed = {0: np.array([0.0, sine, cosine]), segments // 2: np.array([0.0, -sine, cosine])}
-        yield EversionStage(k, steps, angle, Prescription(prescribed))
+        yield eversion_stage(segments, k, steps)
+
+
+def eversion_stage(segments: int, index: float, steps: int) -> EversionStage:
+    """The auxiliary problem after `index` steps, whole or not, of so many."""
+    angle = 0.5 * math.pi * index / steps
+    # Exact at the end, so that the halves fit when one is turned.
+    sine, cosine = (1.0, 0.0) if index == steps else (math.sin(angle), math.cos(angle))
+    prescribed = {0: np.array([0.0, sine, cosine]), segments // 2: np.array([0.0, -sine, cosine])}
+    return EversionStage(index, steps, angle, Prescription(prescribed))
 
 
 def rejoined(state: State) -> State:

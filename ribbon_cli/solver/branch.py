@@ -44,6 +44,7 @@ class Reason(Enum):
     CONTACT = "contact"
     STEP_TOO_SMALL = "step-too-small"
     STEPS = "steps"
+    CLOSED = "closed"
 
     @property
     def sentence(self) -> str:
@@ -58,6 +59,7 @@ _SENTENCES = {
     Reason.CONTACT: "The band touches itself, at which the branch was to stop.",
     Reason.STEP_TOO_SMALL: "No step along the branch is short enough to be followed.",
     Reason.STEPS: "The limit on the number of steps.",
+    Reason.CLOSED: "The branch is closed: it repeats itself, but for numbering and handedness.",
 }
 STOPS = (Reason.FOLD, Reason.STABILITY_LOST, Reason.CONTACT)
 

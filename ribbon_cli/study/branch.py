@@ -25,13 +25,12 @@ from .branch_tables import ENDED, course_point, courses
 from .journal import checked
 from .outcome import Course
 from .records import Clock, multipliers_of, state_of
+from .repetition import TURNING, repeated, turns
 from .steps import Steps
 
 STATE_TYPES = {"width": "equilibrium"}
 """Kind of state for a type of point; all others are intermediate."""
 SIDES = ((1, "+"), (-1, "-"))
-TURNING = 1e-6
-"""Rate db/ds below which a branch turns at a branch point."""
 
 
 @dataclass(frozen=True)
@@ -92,9 +91,11 @@ class Branches:
     ) -> None:
         """Follow a branch from a place on it, then those that cross it, `depth` times over."""
         end: End | None = None
+        turned = [start] if place.record is not start else []  # off a branch point it begins as off a turn
         while end is None and step <= self.request.steps:
             following, found, end = self._step(name, step, place)
             met += found
+            end = end or _closed(turned, found)
             if following is not None:
                 place = following
                 met.append(place.record)
@@ -313,6 +314,19 @@ _SINGULAR = {
     "fold": "It lies on a fold of its branch, where the projected Hessian is singular.",
     "branch-point": "It lies on a bifurcation, where the projected Hessian is singular.",
 }
+
+
+def _closed(turned: list[StateRecord], found: Sequence[StateRecord]) -> End | None:
+    """Add a step's turns to those of its branch; the end if they repeat what came before."""
+    for record in filter(turns, found):
+        turned.append(record)
+        before = repeated(turned)
+        if before is not None:
+            detail = (
+                f"State {record.label} is state {before.label} over again, and so are the turns before them."
+            )
+            return End(Reason.CLOSED, record.half_width, detail)
+    return None
 
 
 def _can_be_left(record: StateRecord) -> bool:

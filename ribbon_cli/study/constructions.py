@@ -13,38 +13,22 @@ from ..model.folding import ClosureError
 from ..model.geometry import geometry
 from ..model.problem import Problem
 from ..model.topology import linking_number
-from ..recipes.eversion import Pieces, eversion_stages, rejoined, turned
+from ..recipes.eversion import Pieces, eversion_stage, eversion_stages, rejoined, turned
 from ..recipes.schoenke import schoenke
-from ..solver.newton import Options, solve
 from ..solver.status import Result, Status
 from ..store import StateRecord
+from .auxiliary import Turning
 from .plan import CONSTRUCTION, QUARTERS, turn_names
-from .records import Clock, Reached, multipliers_of, state_of
+from .records import Clock, Reached, state_of
 from .steps import Steps
 
 
 def evert(steps: Steps, ring: State, count: int) -> StateRecord | str:
     """Run or load the auxiliary stages; the rejoined band, or a sentence why it was not reached."""
-    state, multipliers = ring, None
-    record: StateRecord | None = None
-    for stage in eversion_stages(ring.band.segments, count):
-        steps.begin(stage.name, ring.band.half_width, ring.band.segments)
-        parent = None if record is None else record.label
-        record = steps.journal.finished(stage.name)
-        if record is None:
-            clock = steps.journal.clock()
-            problem = Problem(ring.band, stage.prescription)
-            options = Options(guard=stage.guard(), watch=steps.progress.step)
-            result = solve(problem, state.vector(), multipliers, options)
-            if result.status is not Status.MINIMUM:
-                return f"{stage.name}: {result.message}"
-            method = "eversion, two prescribed rulings"
-            record = steps.store(
-                problem, result, clock, kind="auxiliary", stage=stage.name, method=method, parent=parent
-            )
-        state, multipliers = state_of(record), multipliers_of(record)
-    assert record is not None
-    return _join(steps, record)
+    segments = ring.band.segments
+    turning = Turning(steps, ring, "eversion", lambda index: eversion_stage(segments, index, count))
+    last = turning.run(eversion_stages(segments, count))
+    return last if isinstance(last, str) else _join(steps, last)
 
 
 def _join(steps: Steps, last: StateRecord) -> StateRecord:

@@ -62,8 +62,8 @@ class Course:
 
     @property
     def failed(self) -> bool:
-        """Whether the branch ends for want of a step rather than at an event."""
-        return self.reason in ("step-too-small", "steps")
+        """Whether the branch ends without coming to its range's end or to an event it was to stop at."""
+        return self.reason in ("step-too-small", "steps", "closed")
 
 
 @dataclass(frozen=True)

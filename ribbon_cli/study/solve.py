@@ -13,13 +13,14 @@ from ..model.band import Band, Discretisation, State
 from ..model.problem import Problem
 from ..recipes.cylinder import cylinder
 from ..recipes.eversion import not_everted
-from ..recipes.twist import TURNED_OVER, TwistStage, twist_stage, twist_stages
+from ..recipes.twist import twist_stage, twist_stages
 from ..solver.continuation import Move, to_width
-from ..solver.newton import Options, solve
+from ..solver.newton import solve
 from ..solver.status import Result, Status
 from ..solver.tracking import PARTS
 from ..store import Run, StateRecord
 from ..store.folder import is_run
+from .auxiliary import MOST_HALVINGS, Turning
 from .branch import Branches
 from .constructions import construct, evert
 from .contact import locate_contact
@@ -31,9 +32,6 @@ from .plan import guess_notes, plan_of, refined_at, refinement_name, start_name,
 from .progress import Progress, Silence
 from .records import Clock, multipliers_of, saddle_result, state_of
 from .steps import Steps
-
-MOST_HALVINGS = 8
-"""A step in width, or of the twist, is given up when 1/256 of it fails too."""
 
 
 def solve_config(
@@ -167,65 +165,17 @@ class _Study:
                 self._stop(made)
                 return None
             return self._free(state_of(made), made.label, "construction freed")
-        last = self._twist(ring)
-        return None if last is None else self._free(state_of(last), last.label, "seam closed and freed")
+        return self._twisted(ring, guess.steps or 1)
 
-    def _twist(self, ring: State) -> StateRecord | None:
-        """The auxiliary problems of the twist; the last one's state, or None with `stopped` set."""
-        record: StateRecord | None = None
-        reached = 0.0
-        for stage in twist_stages(self.config.half_twists, self.config.guess.steps or 1):
-            while reached < stage.index:
-                step = self._turn(ring, record, reached, stage)
-                if step is None:
-                    return None
-                record, reached = step
-        return record
-
-    def _turn(
-        self, ring: State, record: StateRecord | None, reached: float, goal: TwistStage
-    ) -> tuple[StateRecord, float] | None:
-        """Turn the seam to a stage, or as far as halving leads; with its index, or None."""
-        parts = [reached + (goal.index - reached) / 2**j for j in range(MOST_HALVINGS + 1)]
-        stages = [goal, *(twist_stage(self.config.half_twists, part, goal.count) for part in parts[1:])]
-        for stage in stages:
-            stored = self.journal.finished(stage.name)
-            if stored is not None:
-                self.steps.begin(stage.name, ring.band.half_width, ring.band.segments)
-                return stored, stage.index
-        state = ring if record is None else state_of(record)
-        multipliers = None if record is None else multipliers_of(record)
-        failures: list[str] = []
-        for stage in stages:
-            self.steps.begin(stage.name, ring.band.half_width, ring.band.segments)
-            clock = self.journal.clock()
-            problem = Problem(ring.band, stage.prescription)
-            options = Options(guard=stage.guard(), watch=self.steps.progress.step)
-            result = solve(problem, state.vector(), multipliers, options)
-            if result.status is Status.MINIMUM:
-                kept = self.steps.store(
-                    problem,
-                    result,
-                    clock,
-                    kind="auxiliary",
-                    stage=stage.name,
-                    method="twist, prescribed rulings",
-                    parent=None if record is None else record.label,
-                    events=tuple(failures),
-                )
-                return kept, stage.index
-            if stage.beyond_half_a_turn:  # shorter steps meet the same end, and the guard says which
-                if result.status is not Status.LEFT_TOPOLOGY:
-                    result = replace(result, status=Status.LEFT_TOPOLOGY, detail=TURNED_OVER)
-                self._stop(f"{stage.name}: {result.message}")
-                return None
-            failures.append(
-                f"a step from twist {reached:.10g}/{goal.count} to {stage.index:.10g} failed, halved: "
-                f"{result.message}"
-            )
-            self.journal.note(failures[-1])
-        self._stop(f"no step from twist {reached:.10g}/{goal.count} succeeds: {result.message}")
-        return None
+    def _twisted(self, ring: State, count: int) -> StateRecord | None:
+        """The band twisted step by step and freed, or None with `stopped` set."""
+        half_twists = self.config.half_twists
+        turning = Turning(self.steps, ring, "twist", lambda index: twist_stage(half_twists, index, count))
+        last = turning.run(twist_stages(half_twists, count))
+        if isinstance(last, str):
+            self._stop(last)
+            return None
+        return self._free(state_of(last), last.label, "seam closed and freed")
 
     def _free(
         self, state: State, parent: int | None, method: str, parent_ref: str | None = None

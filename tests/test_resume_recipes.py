@@ -1,0 +1,92 @@
+"""Eversion, construction and `continue` killed by SIGKILL and resumed end with the same bytes."""
+
+from __future__ import annotations
+
+import signal
+import time
+from pathlib import Path
+
+import pytest
+from cli_support import ribbon_json, spawn
+
+from ribbon_cli.store import list_runs
+
+EVERSION = """\
+name: band
+topology: {half_twists: 0}
+initial_guess: {recipe: eversion, segments: 40, half_width: 0.03, steps: 5}
+widths: [0.03, 0.032]
+spectrum: {modes: 4, full_up_to: 0, metrics: [physical]}
+"""
+
+HALVED = EVERSION.replace("steps: 5", "steps: 1")  # the only step fails, and its halves do not
+
+CONSTRUCTION = """\
+name: band
+topology: {half_twists: -3}
+initial_guess: {recipe: schoenke, segments: 60, half_width: 0.1}
+widths: [0.1, 0.2, 0.3]
+refinement: [60, 120]
+spectrum: {modes: 4, full_up_to: 0, metrics: [physical]}
+"""
+
+GIVEN = f"""\
+name: band
+topology: {{half_twists: 1}}
+initial_guess: {{state: {Path(__file__).parent / "data" / "pi-b0.1-N50-second-minimum.npz"}}}
+spectrum: {{modes: 2, full_up_to: 0, metrics: [physical]}}
+"""
+
+SOLVE = ("solve", "band.yaml")
+AROUND_THE_FOLD = ("continue", "band:1", "--to", "0.12", "--back-to", "0.105", "--arclength")
+
+
+def hashes(folder: Path) -> dict[int, str]:
+    """Content hashes by label, checked against the files."""
+    (made,) = list_runs(folder / "runs")
+    for label in made.entries():
+        made.check_file(label)
+    return {state["label"]: state["content_sha256"] for state in made.states(all=True)}
+
+
+def states_on_disk(folder: Path) -> int:
+    return len(list(folder.glob("runs/*/states/*.h5")))
+
+
+@pytest.mark.parametrize(
+    ("config", "words", "kills"),
+    [
+        (EVERSION, SOLVE, (4, 9)),
+        (HALVED, SOLVE, (2,)),
+        (CONSTRUCTION, SOLVE, (1, 4)),
+        (GIVEN, AROUND_THE_FOLD, (3, 7)),
+    ],
+    ids=["eversion", "eversion-halved", "schoenke", "continue-arclength"],
+)
+def test_killed_and_resumed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, config: str, words: tuple[str, ...], kills: tuple[int]
+) -> None:
+    """Killed after so many states are on disk, and killed again, then left to end."""
+    alone, killed = tmp_path / "alone", tmp_path / "killed"
+    for folder in (alone, killed):
+        folder.mkdir()
+        monkeypatch.chdir(folder)
+        (folder / "band.yaml").write_text(config)
+        if words is not SOLVE:
+            ribbon_json(*SOLVE, "-q")
+    monkeypatch.chdir(alone)
+    ribbon_json(*words, "-q")
+    expected = hashes(alone)
+    monkeypatch.chdir(killed)
+    for wanted in kills:
+        with spawn(*words, "-q", cwd=killed) as process:
+            while states_on_disk(killed) < wanted and process.poll() is None:
+                time.sleep(0.001)
+            process.send_signal(signal.SIGKILL)
+            process.communicate(timeout=60)
+        assert process.returncode == -signal.SIGKILL
+        kept = states_on_disk(killed)
+        assert wanted <= kept < len(expected)
+    ended = ribbon_json(*words, "-q")
+    assert ended["new_states"] == len(expected) - kept
+    assert hashes(killed) == expected
