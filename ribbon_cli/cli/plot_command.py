@@ -18,7 +18,17 @@ if TYPE_CHECKING:
     from ribbon_cli.report.convergence import Table
     from ribbon_cli.store import Run, StateRecord
 
-PLOT_KINDS = ("shape", "geometry", "multipliers", "spectrum", "convergence", "branch", "family", "mode", "pattern")
+PLOT_KINDS = (
+    "shape",
+    "geometry",
+    "multipliers",
+    "spectrum",
+    "convergence",
+    "branch",
+    "family",
+    "mode",
+    "pattern",
+)
 """Kinds of picture, as in `plot.kinds.KINDS`, which is not loaded for a line of help."""
 
 
@@ -162,10 +172,12 @@ def _mode(record: StateRecord, index: int | None) -> ModeShape:
     if index > len(found.vectors):
         raise UsageError(f"--index {index}: the state has {len(found.vectors)} modes")
     mode = found.modes[index - 1]
-    words = {"s": "symmetric under", "a": "antisymmetric under", "x": "of no parity under"}
-    symmetries = tuple(
-        f"{words[sign]} {name}" for sign, name in zip(mode.parity, mode.symmetry, strict=True)
-    )
+    words = {"s": "symmetric under", "a": "antisymmetric under", "x": "mixed with its like by"}
+    names = {
+        word: [name for sign, name in zip(mode.parity, mode.symmetry, strict=True) if sign == letter]
+        for letter, word in words.items()
+    }
+    symmetries = tuple(f"{word} {' and '.join(under)}" for word, under in names.items() if under)
     return ModeShape(
         index,
         mode.value,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from ribbon_cli.errors import UsageError
-from ribbon_cli.export.series import branch, finest, latest, levels
+from ribbon_cli.export.series import branch, courses, finest, latest, levels
 from ribbon_cli.plot.style import Style, styled
 
 if TYPE_CHECKING:
@@ -177,6 +177,8 @@ def _branch(source: Source, style: Style) -> Picture:
     from ribbon_cli.plot.levels import branch_figure, lowest_elastic
 
     run = _run(source, "branch")
+    if followed := courses(run, source.segments):
+        return _followed(run, followed, style)
     states = branch(run, source.segments)
     if len(states) < 2:
         raise UsageError(
@@ -192,6 +194,34 @@ def _branch(source: Source, style: Style) -> Picture:
     contact = located[-1] if located else None
     figure = branch_figure(states, [lowest_elastic(r) for r in records], style, contact)
     return Picture(figure, "Branch in the width", records)
+
+
+def _followed(run: Run, followed: dict[str, list[dict[str, Any]]], style: Style) -> Picture:
+    """Branches that arclength continuation followed, around folds and over saddles."""
+    from ribbon_cli.plot.branches import arclength_figure
+
+    first = {points[0]["label"] for points in followed.values() if not points[0].get("branch")}
+    starts = {label: _lowest(run.load(label)) for label in first}
+    every = {
+        p["label"]: p["branch"]["type"] for points in followed.values() for p in points if p.get("branch")
+    }
+    types = list(every.values())
+    title = (
+        f"Branches of {run.short_name} in the width: {len(followed)}, with {types.count('fold')} folds and "
+        f"{types.count('branch-point')} branch points"
+    )
+    return Picture(arclength_figure(followed, starts, style), title, ())
+
+
+def _lowest(record: StateRecord) -> float | None:
+    """The lowest eigenvalue in the physical metric, rotations left out, as branches store it."""
+    from ribbon_cli.plot.levels import spectrum_of
+
+    spectrum = spectrum_of(record, "physical")
+    if spectrum is None:
+        return None
+    pairs = zip(spectrum.values, spectrum.labels, strict=True)
+    return min((float(v) for v, label in pairs if label != "rotation"), default=None)
 
 
 def _family(source: Source, style: Style) -> Picture:
