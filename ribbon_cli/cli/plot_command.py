@@ -44,7 +44,12 @@ PLOT_KINDS = (
 )
 @click.option("--style", "look", metavar="STYLE", default="paper", help="paper (default) or talk.")
 @click.option(
-    "--with", "others", metavar="STATE", multiple=True, shell_complete=complete_any, help="Another state."
+    "--with",
+    "others",
+    metavar="STATE|RUN",
+    multiple=True,
+    shell_complete=complete_any,
+    help="Another state; another run for a further row of its spectrum.",
 )
 @click.option(
     "--index",
@@ -91,7 +96,7 @@ def plot(
     if index and kind != "mode":
         raise UsageError("--index goes with the kind mode")
     form = figure_format(output, moving=kind == "mode") if output else "pdf"
-    source = _source(settings, ref, others, view, segments, index)
+    source = _source(settings, ref, kind, others, view, segments, index)
     path = output or f"{_stem(source, ref)}-{kind}.pdf"
     check_target(path, overwrite, "add --overwrite, or choose another with -o")
     picture = draw(kind, source, style)
@@ -134,6 +139,7 @@ def _mode_document(mode: ModeShape | None) -> dict[str, Any]:
 def _source(
     settings: Settings,
     ref: str,
+    kind: str,
     others: tuple[str, ...],
     view: str | None,
     segments: int | None,
@@ -146,16 +152,21 @@ def _source(
     from ribbon_cli.study import multiplier_curves
 
     run, states = open_run_or_state(settings, ref)
-    if others:
-        if not states:
+    more = [open_run_or_state(settings, other) for other in others]
+    beside: tuple[Run, ...] = ()
+    if more and not states:
+        if kind != "spectrum":
             raise UsageError("--with goes with a state, and the reference names a run")
-        more = [open_run_or_state(settings, other) for other in others]
+        if any(found for _, found in more):
+            raise UsageError("--with needs a run beside a run, not a state")
+        beside = tuple(other for other, _ in more if other)
+    elif more:
         if any(not found for _, found in more):
             raise UsageError("--with needs a state, not a run")
         states = (*states, *(record for _, found in more for record in found))
         run = run if run and all(other and other.path == run.path for other, _ in more) else None
     mode = partial(_mode, index=index)
-    return Source(run, states, _table, multiplier_curves, mode, _angles(view), segments)
+    return Source(run, states, _table, multiplier_curves, mode, _angles(view), segments, beside)
 
 
 def _mode(record: StateRecord, index: int | None) -> ModeShape:

@@ -146,8 +146,15 @@ def _curves(source: Source, record: StateRecord) -> Sequence[Curve] | None:
 def _spectrum(source: Source, style: Style) -> Picture:
     from ribbon_cli.plot.levels import spectrum_figure
 
-    states = source.states if not source.whole_run else _refined(_run(source, "spectrum"))
-    return Picture(spectrum_figure(states, style), "Eigenvalues of the projected Hessian", tuple(states))
+    if not source.whole_run:
+        groups = [source.states]
+    else:
+        groups = [_refined(run) for run in (_run(source, "spectrum"), *source.beside)]
+    title = "Eigenvalues of the projected Hessian"
+    if source.beside:
+        names = " and ".join(run.short_name for run in source.beside)
+        title += f", row by row; below, {names}"
+    return Picture(spectrum_figure(groups, style), title, tuple(groups[0]))
 
 
 def _refined(run: Run) -> tuple[StateRecord, ...]:

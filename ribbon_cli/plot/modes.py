@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-LARGEST = 0.06
+LARGEST = 0.045
 """Farthest that a point of the surface moves in a picture, as a part of the length."""
 PHASES = {"−1": -1.0, "−½": -0.5, "0": 0.0, "½": 0.5, "1": 1.0}
 """Frames of the strip: their titles, and how far each goes."""
