@@ -38,10 +38,10 @@ PI, THREE, EVERTED, EVERSION, TABLE, SECOND, TWISTED = (
     "three-pi-twisted",
 )
 SPECTRA = {
-    "a": ("ring", 0.3, "cylinder, $b$ = 0.3, `thesis`"),
-    "b": ("spectra-pi", 0.5, "π-twisted band, $b$ = 0.5, `thesis`"),
-    "c": ("ring-value-average", 0.3, "cylinder, `value-average`"),
-    "d": ("spectra-pi-value-average", 0.5, "π-twisted band, `value-average`"),
+    "a": ("ring", 0.3, "cylinder, $b$ = 0.3, rule thesis"),
+    "b": ("spectra-pi", 0.5, "π-twisted band, $b$ = 0.5, rule thesis"),
+    "c": ("ring-value-average", 0.3, "cylinder, rule value-average"),
+    "d": ("spectra-pi-value-average", 0.5, "π-twisted band, rule value-average"),
 }
 """Panels of Figure 3.14, and the same under the rule without a null direction: config, b, title."""
 COARSE = (20, 40, 80, 160)
@@ -308,7 +308,7 @@ def _spectra(found: dict[str, list[StateRecord]], metric: str) -> Figure:
     rows, columns = -(-len(found) // 2), min(2, len(found))
     size = (STYLE.width * (0.55 if columns == 1 else 1.0), 0.42 * rows * STYLE.width)
     figure = Figure(figsize=size, layout="constrained")
-    panels = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey="col")
+    panels = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
     for axes, (letter, states) in zip(panels.ravel(), found.items(), strict=True):
         draw_spectra(axes, states, metric)
         axes.set_title(SPECTRA[letter][2])

@@ -53,7 +53,7 @@ def spectrum_figure(groups: Sequence[Sequence[StateRecord]], style: Style) -> Fi
     for row, records in zip(panels, groups, strict=True):
         for axes, metric in zip(row, metrics, strict=True):
             draw_spectra(axes, records, metric)
-            axes.set_title(METRIC_TITLES[metric] + (f", {rule_of(records)}" if rows > 1 else ""))
+            axes.set_title(METRIC_TITLES[metric] + (f", rule {_rule(records)}" if rows > 1 else ""))
             if axes is not panels[-1, list(row).index(axes)]:
                 axes.set_xlabel("")
     labels: dict[str, Any] = {}
@@ -69,9 +69,9 @@ def spectrum_figure(groups: Sequence[Sequence[StateRecord]], style: Style) -> Fi
     return figure
 
 
-def rule_of(records: Sequence[StateRecord]) -> str:
+def _rule(records: Sequence[StateRecord]) -> str:
     """The rules by which states average xi, mostly one."""
-    return " and ".join(dict.fromkeys(f"`{record.discretisation}`" for record in records))
+    return " and ".join(dict.fromkeys(record.discretisation for record in records))
 
 
 def draw_spectra(axes: Axes, records: Sequence[StateRecord], metric: str) -> None:
