@@ -78,7 +78,7 @@ def test_a_branch_around_a_fold_is_drawn(fold_run, tmp_path):
     path = tmp_path / "branch.svg"
     ribbon_json("plot", "fold", "branch", "-o", path, "--runs", folder / "runs")
     text = path.read_text(encoding="utf-8")
-    for words in ("branch up", "stable", "index 1", "fold", "with 1 folds and 0 branch points"):
+    for words in ("branch up", "stable", "index 1", "fold", "Branches in the width: 1, folds: 1."):
         assert words in text
     assert "branch point<" not in text
 

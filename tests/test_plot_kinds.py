@@ -104,7 +104,7 @@ def test_auxiliary_states_are_drawn(ref, solved, tmp_path):  # noqa: F811
         ),
         (("mobius@b=0.2,N=48", "mode", "-o", "x.jpg"), "a picture's file ends in .pdf, .svg, .png or .gif"),
         (("mobius@b=0.2,N=48", "shape", "--index", "4"), "--index goes with the kind mode"),
-        (("ring@b=0.1,N=12", "mode", "--index", "60"), "--index 60: the state has 24 modes"),
+        (("ring@b=0.1,N=12", "mode", "--index", "60"), "--index 60: the state has 21 modes"),
         (("mobius", "mode"), "mode shows one state"),
         (("mobius:1", "mode"), "an auxiliary state, with prescribed rulings, has no spectrum"),
         (("mobius", "spectrum", "--with", "mobius:1"), "--with needs a run beside a run"),

@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from cli_support import ribbon_json
-from PIL import Image
 from picture_support import solved, states_of  # noqa: F401
+from PIL import Image
 
 from ribbon_cli.errors import UsageError
 from ribbon_cli.export.mesh import facet_corners, is_closed
@@ -119,7 +119,7 @@ def test_multipliers_lie_on_their_formulas(solved):  # noqa: F811
     curves = multiplier_curves(record)
     figure = multipliers_figure([record], STYLE, [curves])
     for axes, curve in zip(figure.axes, curves, strict=False):
-        zero, computed, theory = axes.get_lines()
+        _, computed, theory = axes.get_lines()
         assert theory.get_label() == "explicit formulas"
         assert np.array_equal(computed.get_xdata(), theory.get_xdata())
         # The formulas are turned and shifted as the multipliers are: far from inflections they agree.

@@ -213,10 +213,10 @@ def _followed(run: Run, followed: dict[str, list[dict[str, Any]]], style: Style)
         p["label"]: p["branch"]["type"] for points in followed.values() for p in points if p.get("branch")
     }
     types = list(every.values())
-    title = (
-        f"Branches of {run.short_name} in the width: {len(followed)}, with {types.count('fold')} folds and "
-        f"{types.count('branch-point')} branch points"
-    )
+    title = f"Branches in the width: {len(followed)}"
+    for kind, name in (("fold", "folds"), ("branch-point", "branch points")):
+        if kind in types:
+            title += f", {name}: {types.count(kind)}"
     return Picture(arclength_figure(followed, starts, style), title, ())
 
 

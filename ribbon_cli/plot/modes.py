@@ -15,7 +15,7 @@ import numpy as np
 
 from ribbon_cli.export.mesh import facet_corners
 from ribbon_cli.export.view import View, automatic_view, view_in_axes
-from ribbon_cli.plot.shape import RULINGS, draw_shape
+from ribbon_cli.plot.shape import RULINGS, draw_shape, shown_sides
 from ribbon_cli.plot.style import LIGHT_GREY, Style
 
 if TYPE_CHECKING:
@@ -154,6 +154,7 @@ class _Frames:
             self._flat(facet_corners(displaced(record, mode.move, s * self.size))) for s in (-1.0, 0.0, 1.0)
         ]
         self.rest = flat[1]
+        self.sides = shown_sides(record, self.view)
         low, high = np.min(flat, axis=(0, 1, 2)), np.max(flat, axis=(0, 1, 2))
         room = 0.015 * float(np.max(high - low))
         self.low, self.high = low - room, high + room
@@ -171,9 +172,9 @@ class _Frames:
 
     def draw(self, axes: Axes, phase: float, style: Style, rulings: int) -> None:
         """Draw one frame, the edges of the shape at rest behind it."""
-        draw_shape(
-            axes, displaced(self.record, self.mode.move, phase * self.size), style, self.view, (), rulings
-        )
+        moved = displaced(self.record, self.mode.move, phase * self.size)
+        # Colours are fitted to the shape at rest, or those of a one-sided band would jump.
+        draw_shape(axes, moved, style, self.view, (), rulings, self.sides)
         if phase:
             self._ghost(axes, style)
         axes.set_xlim(self.low[0], self.high[0])
