@@ -73,6 +73,16 @@ def test_a_branch_is_a_table_in_the_store(fold_run):
             assert point["negative_eigenvalues"] == (0 if before else 1)
 
 
+def test_a_branch_around_a_fold_is_drawn(fold_run, tmp_path):
+    folder, _ = fold_run
+    path = tmp_path / "branch.svg"
+    ribbon_json("plot", "fold", "branch", "-o", path, "--runs", folder / "runs")
+    text = path.read_text(encoding="utf-8")
+    for words in ("branch up", "stable", "index 1", "fold", "Branches in the width: 1, folds: 1."):
+        assert words in text
+    assert "branch point<" not in text
+
+
 def test_requested_widths_are_equilibria_and_nothing_else_is(fold_run):
     folder, solved = fold_run
     listed = ribbon_json("ls", "fold", "--runs", folder / "runs")

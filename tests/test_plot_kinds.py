@@ -23,7 +23,7 @@ from ribbon_cli.plot.kinds import KINDS
 from ribbon_cli.plot.levels import lowest_elastic
 
 ROOT = Path(__file__).parent.parent
-OF_A_STATE = ("shape", "geometry", "multipliers", "spectrum", "pattern")
+OF_A_STATE = ("shape", "geometry", "multipliers", "spectrum", "mode", "pattern")
 OF_A_RUN = ("geometry", "multipliers", "spectrum", "convergence", "branch", "family")
 
 
@@ -110,6 +110,16 @@ def test_auxiliary_states_are_drawn(ref, solved, tmp_path):  # noqa: F811
             "no style 'papre' (known: paper, talk); did you mean paper?",
         ),
         (("mobius:1", "shape", "-o", "x.jpg"), "a picture's file ends in .pdf, .svg or .png"),
+        (
+            ("mobius:1", "shape", "-o", "x.gif"),
+            "only modes move; a picture's file ends in .pdf, .svg or .png",
+        ),
+        (("mobius@b=0.2,N=48", "mode", "-o", "x.jpg"), "a picture's file ends in .pdf, .svg, .png or .gif"),
+        (("mobius@b=0.2,N=48", "shape", "--index", "4"), "--index goes with the kind mode"),
+        (("ring@b=0.1,N=12", "mode", "--index", "60"), "--index 60: the state has 21 modes"),
+        (("mobius", "mode"), "mode shows one state"),
+        (("mobius:1", "mode"), "an auxiliary state, with prescribed rulings, has no spectrum"),
+        (("mobius", "spectrum", "--with", "mobius:1"), "--with needs a run beside a run"),
         (("mobius:1", "shape", "--view", "12"), "expected two numbers of degrees"),
         (("mobius:1", "shape", "--view", "0,91"), "the elevation lies between"),
         (("mobius:1", "spectrum"), "state 1 has no spectrum: spectra are stored with equilibria"),

@@ -4,7 +4,7 @@
 set -eu
 ribbon=$1
 to=docs/gallery
-for config in mobius-pi mobius-pi-contact mobius-3pi everted-cylinder-160 everted-cylinder-40 cylinder ring; do
+for config in mobius-pi mobius-pi-contact mobius-3pi everted-cylinder-160 everted-cylinder-40 everted-branch-40 cylinder ring; do
     "$ribbon" -q solve "configs/$config.yaml" > /dev/null
 done
 draw() {
@@ -20,6 +20,8 @@ draw multipliers mobius-3pi@b=0.65,N=240 multipliers
 draw spectrum ring spectrum
 draw convergence mobius-pi convergence
 draw branch mobius-pi-contact branch
+draw mode everted-branch-40@b=0.2,N=40 mode
+draw branches everted-branch-40 branch
 draw pattern mobius-pi@b=0.5,N=50 pattern
 # The recipes of docs/recipes.md stage by stage, with few colours: they need no more, and the files are small.
 small() {

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -14,10 +14,21 @@ from ribbon_cli.errors import UsageError
 
 if TYPE_CHECKING:
     from ribbon_cli.plot.kinds import Source
+    from ribbon_cli.plot.modes import ModeShape
     from ribbon_cli.report.convergence import Table
     from ribbon_cli.store import Run, StateRecord
 
-PLOT_KINDS = ("shape", "geometry", "multipliers", "spectrum", "convergence", "branch", "family", "pattern")
+PLOT_KINDS = (
+    "shape",
+    "geometry",
+    "multipliers",
+    "spectrum",
+    "convergence",
+    "branch",
+    "family",
+    "mode",
+    "pattern",
+)
 """Kinds of picture, as in `plot.kinds.KINDS`, which is not loaded for a line of help."""
 
 
@@ -29,11 +40,22 @@ PLOT_KINDS = ("shape", "geometry", "multipliers", "spectrum", "convergence", "br
     "--output",
     metavar="PATH",
     shell_complete=complete_file,
-    help="PDF, SVG or PNG; else RUN-LABEL-KIND.pdf.",
+    help="PDF, SVG or PNG, of a mode also GIF; else RUN-LABEL-KIND.pdf.",
 )
 @click.option("--style", "look", metavar="STYLE", default="paper", help="paper (default) or talk.")
 @click.option(
-    "--with", "others", metavar="STATE", multiple=True, shell_complete=complete_any, help="Another state."
+    "--with",
+    "others",
+    metavar="STATE|RUN",
+    multiple=True,
+    shell_complete=complete_any,
+    help="Another state; another run for a further row of its spectrum.",
+)
+@click.option(
+    "--index",
+    metavar="K",
+    type=click.IntRange(min=1),
+    help="Of a mode: its number in ribbon spectrum STATE; else the lowest that is no rotation.",
 )
 @click.option("--view", metavar="AZIMUTH,ELEVATION", help="Degrees, in the band's own axes; else chosen.")
 @click.option("--segments", metavar="N", type=click.IntRange(min=3), help="Of a run, the states with this N.")
@@ -48,6 +70,7 @@ def plot(
     output: str | None,
     look: str,
     others: tuple[str, ...],
+    index: int | None,
     view: str | None,
     segments: int | None,
     no_caption: bool,
@@ -55,55 +78,128 @@ def plot(
 ) -> None:
     """Draw a state or a run, from what is stored.
 
+    A mode is computed from the stored state, as by ribbon spectrum. With -o x.gif it moves.
+
     \b
-    KIND of a state:           pattern
+    KIND of a state:           mode, pattern
     KIND of states:            shape
     KIND of states or a run:   geometry, multipliers, spectrum
     KIND of a run:             convergence, branch, family
     """
-    from ribbon_cli.plot.figure import add_caption, figure_format, find_style, image, state_caption
-    from ribbon_cli.plot.kinds import KINDS, draw
+    from ribbon_cli.plot.figure import ANIMATED, add_caption, figure_format, find_style, image, state_caption
+    from ribbon_cli.plot.kinds import KINDS, animate, draw
     from ribbon_cli.plot.style import styled
     from ribbon_cli.store import suggest, write_atomic
 
     if kind not in KINDS:
         raise UsageError(f"no kind of picture {kind!r} (known: {', '.join(KINDS)}){suggest(kind, KINDS)}")
     style = find_style(look)
-    form = figure_format(output) if output else "pdf"
-    source = _source(settings, ref, others, view, segments)
+    if index and kind != "mode":
+        raise UsageError("--index goes with the kind mode")
+    form = figure_format(output, moving=kind == "mode") if output else "pdf"
+    source = _source(settings, ref, kind, others, view, segments, index)
     path = output or f"{_stem(source, ref)}-{kind}.pdf"
     check_target(path, overwrite, "add --overwrite, or choose another with -o")
     picture = draw(kind, source, style)
     run = source.run.name if source.run else None
     caption = state_caption(picture.states, run) if picture.states else str(run)
-    with styled(style):
-        if not no_caption:
-            add_caption(picture.figure, f"{picture.title}. {caption}.", style)
-    write_atomic(path, image(picture.figure, form, style, picture.title, caption), overwrite=overwrite)
+    shown = None if no_caption else f"{picture.title}. {caption}."
+    if form == ANIMATED:
+        data = animate(picture, source, style, shown)
+    else:
+        with styled(style):
+            if shown:
+                add_caption(picture.figure, shown, style)
+        data = image(picture.figure, form, style, picture.title, caption)
+    write_atomic(path, data, overwrite=overwrite)
     if settings.json:
         labels = [record.label for record in picture.states]
-        emit_json({"path": path, "kind": kind, "run": run, "labels": labels, "caption": caption})
+        document = {"path": path, "kind": kind, "run": run, "labels": labels, "caption": caption}
+        emit_json(document | _mode_document(picture.mode))
     else:
         emit(path)
         say(settings, f"{picture.title}. {caption}.")
 
 
+def _mode_document(mode: ModeShape | None) -> dict[str, Any]:
+    """What JSON says of the mode that a picture shows."""
+    if mode is None:
+        return {}
+    return {
+        "mode": {
+            "number": mode.number,
+            "value": mode.value,
+            "bound": mode.bound,
+            "label": mode.label,
+            "symmetries": list(mode.symmetries),
+            "verdict": mode.verdict,
+        }
+    }
+
+
 def _source(
-    settings: Settings, ref: str, others: tuple[str, ...], view: str | None, segments: int | None
+    settings: Settings,
+    ref: str,
+    kind: str,
+    others: tuple[str, ...],
+    view: str | None,
+    segments: int | None,
+    index: int | None,
 ) -> Source:
     """What the references name. Raises UsageError."""
+    from functools import partial
+
     from ribbon_cli.plot.kinds import Source
+    from ribbon_cli.study import multiplier_curves
 
     run, states = open_run_or_state(settings, ref)
-    if others:
-        if not states:
+    more = [open_run_or_state(settings, other) for other in others]
+    beside: tuple[Run, ...] = ()
+    if more and not states:
+        if kind != "spectrum":
             raise UsageError("--with goes with a state, and the reference names a run")
-        more = [open_run_or_state(settings, other) for other in others]
+        if any(found for _, found in more):
+            raise UsageError("--with needs a run beside a run, not a state")
+        beside = tuple(other for other, _ in more if other)
+    elif more:
         if any(not found for _, found in more):
             raise UsageError("--with needs a state, not a run")
         states = (*states, *(record for _, found in more for record in found))
         run = run if run and all(other and other.path == run.path for other, _ in more) else None
-    return Source(run, states, _table, _angles(view), segments)
+    mode = partial(_mode, index=index)
+    return Source(run, states, _table, multiplier_curves, mode, _angles(view), segments, beside)
+
+
+def _mode(record: StateRecord, index: int | None) -> ModeShape:
+    """A mode of a state by its number in `ribbon spectrum`, else the lowest that is no rotation.
+
+    Raises UsageError as `ribbon spectrum` does.
+    """
+    from ribbon_cli.plot.modes import ModeShape
+    from ribbon_cli.study import stability_of
+
+    found = stability_of(record, modes=max(12, index or 1))
+    if index is None:
+        index = 1 + next(k for k, mode in enumerate(found.modes) if mode.label != "rotation")
+    if index > len(found.vectors):
+        raise UsageError(f"--index {index}: the state has {len(found.vectors)} modes")
+    mode = found.modes[index - 1]
+    words = {"s": "symmetric under", "a": "antisymmetric under", "x": "mixed with its like by"}
+    names = {
+        word: [name for sign, name in zip(mode.parity, mode.symmetry, strict=True) if sign == letter]
+        for letter, word in words.items()
+    }
+    symmetries = tuple(f"{word} {' and '.join(under)}" for word, under in names.items() if under)
+    return ModeShape(
+        index,
+        mode.value,
+        mode.bound,
+        f"{found.metric} metric",
+        mode.label,
+        () if mode.label == "rotation" else symmetries,
+        found.verdict.sentence,
+        found.vectors[index - 1],
+    )
 
 
 def open_run_or_state(settings: Settings, ref: str) -> tuple[Run | None, tuple[StateRecord, ...]]:

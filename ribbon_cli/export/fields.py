@@ -87,9 +87,14 @@ def even_window(record: StateRecord) -> Window:
 
 def field(record: StateRecord, name: str, window: Window = AS_STORED) -> tuple[Array, Array]:
     """Places alpha (N,) and values (N,) of a field, counted as `window` says."""
+    return placed(record, name, getattr(record, name), window)
+
+
+def placed(record: StateRecord, name: str, values: Array, window: Window) -> tuple[Array, Array]:
+    """The same for `values` (N,) that stand where the field of that name does and change signs as it does."""
     n = record.segments
     h = record.length / n
-    values = np.roll(getattr(record, name), -window.first)
+    values = np.roll(values, -window.first)
     if name in ODD_FIELDS:
         values = values * window.flip
         if record.sigma < 0 and window.first:

@@ -66,3 +66,22 @@ def levels(run: Run, half_width: float) -> list[dict[str, Any]]:
     """The equilibria of one half-width by N."""
     at = {"half_width": half_width}
     return [state for state in latest(run.states()) if same_width(state, at)]
+
+
+def courses(run: Run, segments: int | None = None) -> dict[str, list[dict[str, Any]]]:
+    """Branches of a run that were followed by arclength: by name, the states in their order from the start.
+
+    The state that a branch begins at comes first. With `segments`, those on that N alone. Empty where a run
+    has none.
+    """
+    states = {state["label"]: state for state in run.states(all=True)}
+    found: dict[str, list[dict[str, Any]]] = {}
+    for state in states.values():
+        if state.get("branch") and segments in (None, state["segments"]):
+            found.setdefault(state["branch"]["name"], []).append(state)
+    for points in found.values():
+        start = states.get(points[0]["parent"])
+        points.sort(key=lambda state: (state["branch"]["arclength"], state["label"]))
+        if start is not None and start["kind"] != "auxiliary":
+            points.insert(0, start)
+    return found

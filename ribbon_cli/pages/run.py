@@ -12,7 +12,7 @@ from ribbon_cli.plot.kinds import Source, draw
 from ribbon_cli.plot.style import Style
 from ribbon_cli.report.convergence import Table, convergence_rows
 from ribbon_cli.report.tables import RENDERERS
-from ribbon_cli.study import table_entries
+from ribbon_cli.study import multiplier_curves, table_entries
 
 if TYPE_CHECKING:
     from ribbon_cli.store import Run, StateRecord
@@ -137,7 +137,7 @@ def _convergence(run: Run) -> list[str]:
 
 def _picture(run: Run, kind: str, states: tuple[StateRecord, ...]) -> str:
     """A picture with its caption. Raises UsageError where the data lack for it."""
-    drawn = draw(kind, Source(run, states, _table), SCREEN)
+    drawn = draw(kind, Source(run, states, _table, multiplier_curves), SCREEN)
     caption = f"{drawn.title}. {state_caption(drawn.states, run.name) if drawn.states else run.name}."
     return picture(image(drawn.figure, "png", SCREEN, drawn.title, caption), caption)
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -315,3 +316,29 @@ def half_vanish(spectra: Sequence[tuple[int, Array]], what: str) -> list[Check]:
             "h (|du|^2 + |dg|^2) each mode's eigenvalue converges",
         ),
     ]
+
+
+def cured(vanishing: Sequence[float], converging: Sequence[float], limit: float) -> list[Check]:
+    """Whether a ring's smallest Euclidean eigenvalues over h vanish under one rule, N doubled from one to the
+    next, and converge to `limit` under the other.
+    """
+    orders = [math.log2(a / b) for a, b in pairwise(vanishing)]
+    errors = [value - limit for value in converging]
+    falls = [a / b for a, b in pairwise(errors)]
+    return [
+        Check(
+            "not in the thesis: under its rule the ring's smallest eigenvalue over h tends to zero",
+            f"{_numbers(vanishing)}: orders {', '.join(f'{order:.2f}' for order in orders)}",
+            min(orders) > 1.5,
+            "the energy does not see what alternates from facet to facet",
+        ),
+        Check(
+            f"and under value-average to b k^2/3 = {limit:g}",
+            f"{_numbers(converging)}: the difference falls by {', '.join(f'{fall:.2f}' for fall in falls)}",
+            min(falls) > 3 and abs(errors[-1]) < 0.05 * limit,
+        ),
+    ]
+
+
+def _numbers(values: Sequence[float]) -> str:
+    return ", ".join(f"{value:.4g}" for value in values)

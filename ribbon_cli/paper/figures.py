@@ -10,6 +10,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from ribbon_cli.export.fields import inflections
 from ribbon_cli.paper import claims
 from ribbon_cli.paper.claims import Check
@@ -18,6 +20,7 @@ from ribbon_cli.plot.curves import geometry_figure, multipliers_figure
 from ribbon_cli.plot.levels import draw_spectra, spectrum_of
 from ribbon_cli.plot.pictures import Panel, shapes_figure
 from ribbon_cli.plot.style import STYLES
+from ribbon_cli.study import multiplier_curves
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -25,16 +28,23 @@ if TYPE_CHECKING:
     from ribbon_cli.store import StateRecord
 
 STYLE = STYLES["paper"]
-PI, THREE, EVERTED, EVERSION, RING, TABLE, SECOND, TWISTED = (
+PI, THREE, EVERTED, EVERSION, TABLE, SECOND, TWISTED = (
     "pi",
     "three-pi",
     "everted",
     "eversion",
-    "ring",
     "table",
     "second-minimum",
     "three-pi-twisted",
 )
+SPECTRA = {
+    "a": ("ring", 0.3, "cylinder, $b$ = 0.3, rule thesis"),
+    "b": ("spectra-pi", 0.5, "π-twisted band, $b$ = 0.5, rule thesis"),
+    "c": ("ring-value-average", 0.3, "cylinder, rule value-average"),
+    "d": ("spectra-pi-value-average", 0.5, "π-twisted band, rule value-average"),
+}
+"""Panels of Figure 3.14, and the same under the rule without a null direction: config, b, title."""
+COARSE = (20, 40, 80, 160)
 TABLE_FILES = {"txt": "text", "tex": "latex", "csv": "csv"}
 """Files of a table by suffix."""
 
@@ -70,6 +80,11 @@ def _panels(
         for k, panel in enumerate(panels)
     }
     return {"": whole} | alone
+
+
+def _multipliers(states: Sequence[StateRecord]) -> Figure:
+    """Multipliers over what their explicit formulas give on the same shapes."""
+    return multipliers_figure(states, STYLE, [multiplier_curves(state) for state in states])
 
 
 def _stages(library: Library, config: str, names: dict[str, str], marked: tuple[int, ...]) -> Made:
@@ -112,7 +127,7 @@ def _figure_3_3(library: Library) -> Made:
 def _figure_3_4(library: Library) -> Made:
     state = _everted(library)
     checks = claims.largest_at_inflections(state, ("lambda_2", "lambda_4", "lambda_5"))
-    return Made({"": multipliers_figure([state], STYLE)}, (library.reference(EVERTED, state),), tuple(checks))
+    return Made({"": _multipliers([state])}, (library.reference(EVERTED, state),), tuple(checks))
 
 
 def _figure_3_5(library: Library) -> Made:
@@ -193,7 +208,7 @@ def _figure_3_9(library: Library) -> Made:
     for state in states:
         checks += claims.extremum_at_inflections(state)
         checks += claims.largest_at_inflections(state, ("lambda_5",))
-    return Made({"": multipliers_figure(states, STYLE)}, _references(library, PI, states), tuple(checks))
+    return Made({"": _multipliers(states)}, _references(library, PI, states), tuple(checks))
 
 
 def _figure_3_10(library: Library) -> Made:
@@ -253,30 +268,53 @@ def _figure_3_12(library: Library) -> Made:
 def _figure_3_13(library: Library) -> Made:
     states = _three(library)
     checks = [check for state in states for check in claims.extremum_at_inflections(state)]
-    return Made({"": multipliers_figure(states, STYLE)}, _references(library, THREE, states), tuple(checks))
+    return Made({"": _multipliers(states)}, _references(library, THREE, states), tuple(checks))
 
 
 def _figure_3_14(library: Library) -> Made:
+    found = {
+        letter: [library.state(config, b, n) for n in COARSE] for letter, (config, b, _) in SPECTRA.items()
+    }
+    pictures = {"": _spectra(found, "euclidean"), "physical": _spectra(found, "physical")}
+    pictures |= {letter: _spectra({letter: states}, "euclidean") for letter, states in found.items()}
+    checks: list[Check] = []
+    lowest = {}
+    for letter, what in (("a", "cylinder"), ("b", "pi band")):
+        checks += claims.half_vanish(_euclidean(found[letter]), what)
+    for letter in "ac":
+        lowest[letter] = [
+            float(values.min()) * n / state.length
+            for state, (n, values) in zip(found[letter], _euclidean(found[letter]), strict=True)
+        ]
+    checks += claims.cured(lowest["a"], lowest["c"], 0.3 / 3)
+    references = [
+        reference
+        for letter, (config, _, _) in SPECTRA.items()
+        for reference in _references(library, config, found[letter])
+    ]
+    return Made(pictures, tuple(references), tuple(checks))
+
+
+def _euclidean(states: Sequence[StateRecord]) -> list[tuple[int, np.ndarray]]:
+    """N and all Euclidean eigenvalues of each state."""
+    spectra = [(state.segments, spectrum_of(state, "euclidean")) for state in states]
+    return [(n, claims.eigenvalues(found)) for n, found in spectra if found is not None]
+
+
+def _spectra(found: dict[str, list[StateRecord]], metric: str) -> Figure:
+    """Panels of Figure 3.14 by letter, in rows of two at one scale, in a metric."""
     from matplotlib.figure import Figure
 
-    rings = [library.state(RING, 0.3, n) for n in (20, 40, 80, 160)]
-    bands = [library.state(TABLE, 0.5, n) for n in (50, 100, 200)]
-    groups = {"a": (rings, "cylinder, $b$ = 0.3"), "b": (bands, "π-twisted band, $b$ = 0.5")}
-    whole = Figure(figsize=(STYLE.width, 0.45 * STYLE.width), layout="constrained")
-    pictures = {"": whole}
-    for (letter, (states, title)), axes in zip(groups.items(), whole.subplots(1, 2), strict=True):
-        pictures[letter] = Figure(figsize=(0.55 * STYLE.width, 0.45 * STYLE.width), layout="constrained")
-        for where in (axes, pictures[letter].subplots()):
-            draw_spectra(where, states, "euclidean")
-            where.set_title(title)
-            where.legend(loc="upper left", handlelength=2.6)
-    checks: list[Check] = []
-    for states, what in ((rings, "cylinder"), (bands, "pi band")):
-        spectra = [(s.segments, spectrum_of(s, "euclidean")) for s in states]
-        values = [(n, claims.eigenvalues(found)) for n, found in spectra if found is not None]
-        checks += claims.half_vanish(values, what)
-    references = (*_references(library, RING, rings), *_references(library, TABLE, bands))
-    return Made(pictures, references, tuple(checks))
+    rows, columns = -(-len(found) // 2), min(2, len(found))
+    size = (STYLE.width * (0.55 if columns == 1 else 1.0), 0.42 * rows * STYLE.width)
+    figure = Figure(figsize=size, layout="constrained")
+    panels = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
+    for axes, (letter, states) in zip(panels.ravel(), found.items(), strict=True):
+        draw_spectra(axes, states, metric)
+        axes.set_title(SPECTRA[letter][2])
+        axes.legend(loc="upper left", handlelength=2.6)
+        axes.label_outer()
+    return figure
 
 
 def _table_3_1(library: Library) -> Made:
@@ -339,8 +377,9 @@ ITEMS: dict[str, Item] = {
     "figure-3.13": Item("Their Lagrange multipliers.", (THREE,), _figure_3_13),
     "figure-3.14": Item(
         "Sorted eigenvalues of the projected Hessian in the Euclidean metric, spread over [0, 1]: cylinders "
-        "and pi-twisted bands.",
-        (RING, TABLE),
+        "and pi-twisted bands; below, under the rule value-average, whose energy sees every move. "
+        "figure-3.14-physical has the same states in the metric in which eigenvalues converge.",
+        tuple(config for config, _, _ in SPECTRA.values()),
         _figure_3_14,
     ),
     "table-3.1": Item(

@@ -4,23 +4,45 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from ribbon_cli.export.fields import even_window, field
-from ribbon_cli.plot.style import LIGHT_GREY, Style, line_look
+from ribbon_cli.export.fields import even_window, field, placed
+from ribbon_cli.plot.style import INK, LIGHT_GREY, Style, line_look
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from numpy.typing import NDArray
 
     from ribbon_cli.store import StateRecord
+
+    Array = NDArray[np.float64]
 
 GEOMETRY = {"kappa_s": r"$\kappa_s$", "tau": r"$\tau$", "eta": r"$\eta$", "eta_prime": r"$\eta'$"}
 DWARFED = 20.0
 """Ratio of two curves' largest values beyond which a linear scale shows the smaller as a flat line."""
 MULTIPLIERS = {f"lambda_{k}": rf"$\lambda_{k}$" for k in range(1, 6)}
+
+CENTRED = MULTIPLIERS | {"lambda_3": r"$\lambda_3 - h \lambda_2 \eta$"}
+"""Titles where multipliers are shown as what approximates their fields at second order."""
+
+
+class Curve(Protocol):
+    """A multiplier (N,) as computed, and as its explicit formula has it on the same shape."""
+
+    @property
+    def name(self) -> str:
+        """lambda_1 to lambda_5."""
+
+    @property
+    def computed(self) -> Array:
+        """The discrete multiplier as an approximation of its field."""
+
+    @property
+    def theory(self) -> Array:
+        """The formula's values, not-a-number where it divides by zero."""
 
 
 def curve_label(record: StateRecord, records: Sequence[StateRecord]) -> str:
@@ -33,13 +55,20 @@ def curve_label(record: StateRecord, records: Sequence[StateRecord]) -> str:
     return ", ".join(parts) or f"state {record.label}"
 
 
-def draw_field(axes: Axes, records: Sequence[StateRecord], name: str, title: str) -> None:
-    """Draw one field of several states over alpha, in the unit of l."""
+def draw_field(
+    axes: Axes,
+    records: Sequence[StateRecord],
+    name: str,
+    title: str,
+    values: Sequence[Array] | None = None,
+) -> None:
+    """Draw one field of several states over alpha, in the unit of l; `values` in place of what is stored."""
     length = records[0].length
     axes.axhline(0.0, color=LIGHT_GREY, linewidth=0.6, zorder=0)
     for k, record in enumerate(records):
-        alpha, values = field(record, name, even_window(record))
-        axes.plot(alpha, values, label=curve_label(record, records), zorder=2 + 0.1 * k, **line_look(k))
+        window = even_window(record)
+        alpha, shown = placed(record, name, values[k], window) if values else field(record, name, window)
+        axes.plot(alpha, shown, label=curve_label(record, records), zorder=2 + 0.1 * k, **line_look(k))
     alpha_axis(axes, length)
     axes.set_title(title, loc="left", fontsize=plain_size(axes) * 1.15)
     axes.margins(y=0.08)
@@ -76,22 +105,45 @@ def geometry_figure(records: Sequence[StateRecord], style: Style) -> Figure:
     return figure
 
 
-def multipliers_figure(records: Sequence[StateRecord], style: Style) -> Figure:
-    """The multipliers lambda_1 to lambda_5; the sixth panel has the closure force gamma of each state."""
+def multipliers_figure(
+    records: Sequence[StateRecord], style: Style, curves: Sequence[Sequence[Curve] | None] = ()
+) -> Figure:
+    """The multipliers lambda_1 to lambda_5; the sixth panel has the closure force gamma of each state.
+
+    `curves` gives for each state the multipliers beside their formulas, None for a state without. If all
+    have them, they are shown in place of what is stored, so that lambda_3 is less h lambda_2 eta, and the
+    formulas as thin dashed lines. Near inflections these leave the panels, which are fitted to what was
+    computed.
+    """
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(style.width, 0.62 * style.width), layout="constrained")
     panels = figure.subplots(2, 3).ravel()
-    for axes, (name, title) in zip(panels, MULTIPLIERS.items(), strict=False):
-        draw_field(axes, records, name, title)
+    given = [list(found) for found in curves if found]
+    compared = len(given) == len(records)
+    for axes, (name, title) in zip(panels, (CENTRED if compared else MULTIPLIERS).items(), strict=False):
+        found = [next(c for c in of_state if c.name == name) for of_state in given] if compared else []
+        draw_field(axes, records, name, title, [c.computed for c in found] or None)
         if name in ("lambda_3", "lambda_4", "lambda_5"):
             axes.set_xlabel(r"$\alpha$")
         else:
             axes.tick_params(labelbottom=False)
         _tame(axes)
+        if found:
+            _formulas(axes, records, name, [c.theory for c in found])
     _forces(panels[5], records)
     _legend(figure, panels[0], records)
     return figure
+
+
+def _formulas(axes: Axes, records: Sequence[StateRecord], name: str, theory: Sequence[Array]) -> None:
+    """The explicit formulas on top of the computed curves, in limits that these have set."""
+    limits = axes.get_ylim()
+    for record, values in zip(records, theory, strict=True):
+        alpha, shown = placed(record, name, values, even_window(record))
+        (line,) = axes.plot(alpha, shown, color=INK, linewidth=0.7, linestyle=(0, (2.5, 2.5)), zorder=4)
+    line.set_label("explicit formulas")
+    axes.set_ylim(limits)
 
 
 def _tame(axes: Axes) -> None:
@@ -119,8 +171,8 @@ def _forces(axes: Axes, records: Sequence[StateRecord]) -> None:
 
 def _legend(figure: Figure, axes: Axes, records: Sequence[StateRecord]) -> None:
     """One line above the panels that says which curve is which state."""
-    if len(records) > 1:
-        handles, labels = axes.get_legend_handles_labels()
+    handles, labels = axes.get_legend_handles_labels()
+    if len(labels) > 1:
         figure.legend(
             handles, labels, loc="outside upper center", ncols=min(len(labels), 6), handlelength=2.6
         )

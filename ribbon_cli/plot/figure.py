@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from ribbon_cli.store import StateRecord
 
 FORMATS = ("pdf", "svg", "png")
+ANIMATED = "gif"
 
 
 def find_style(name: str) -> Style:
@@ -27,12 +28,22 @@ def find_style(name: str) -> Style:
     return STYLES[name]
 
 
-def figure_format(path: str | Path) -> str:
-    """Format by a file's suffix. Raises UsageError for one that is not written."""
+def figure_format(path: str | Path, moving: bool = False) -> str:
+    """Format by a file's suffix, GIF for what is `moving` alone. Raises UsageError for one that is not
+    written.
+    """
     suffix = Path(path).suffix.removeprefix(".").lower()
-    if suffix not in FORMATS:
-        raise UsageError(f"{path}: a picture's file ends in .{', .'.join(FORMATS[:-1])} or .{FORMATS[-1]}")
+    if suffix == ANIMATED and not moving:
+        raise UsageError(f"{path}: only modes move; a picture's file ends in {_endings(FORMATS)}")
+    if suffix not in (*FORMATS, ANIMATED):
+        known = (*FORMATS, ANIMATED) if moving else FORMATS
+        raise UsageError(f"{path}: a picture's file ends in {_endings(known)}")
     return suffix
+
+
+def _endings(forms: Sequence[str]) -> str:
+    """Suffixes in words."""
+    return f".{', .'.join(forms[:-1])} or .{forms[-1]}"
 
 
 def reference(record: StateRecord, run: str | None) -> str:

@@ -8,12 +8,14 @@ from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 from ribbon_cli.errors import UsageError
-from ribbon_cli.export.series import branch, finest, latest, levels
+from ribbon_cli.export.series import branch, courses, finest, latest, levels
 from ribbon_cli.plot.style import Style, styled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from ribbon_cli.plot.curves import Curve
+    from ribbon_cli.plot.modes import ModeShape
     from ribbon_cli.report.convergence import Table
     from ribbon_cli.store import Run, StateRecord
 
@@ -29,14 +31,19 @@ class Source:
     """What a reference names: states, and the run they belong to (None outside of one).
 
     `whole_run` says that the reference was to the run; then `states` is empty. `table` gives the run's
-    convergence table. `angles` is a chosen view, `segments` the N to show of a run.
+    convergence table, `curves` a state's multipliers beside their formulas (UsageError where it has none),
+    `mode` the mode to show of a state. `angles` is a chosen view, `segments` the N to show of a run,
+    `beside` are further runs.
     """
 
     run: Run | None
     states: tuple[StateRecord, ...]
     table: Callable[[Run], Table]
+    curves: Callable[[StateRecord], Sequence[Curve]]
+    mode: Callable[[StateRecord], ModeShape] | None = None
     angles: tuple[float, float] | None = None
     segments: int | None = None
+    beside: tuple[Run, ...] = ()
 
     @property
     def whole_run(self) -> bool:
@@ -46,17 +53,27 @@ class Source:
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure with its title and the states that it shows."""
+    """A figure with its title, the states that it shows, and the mode if it shows one."""
 
     figure: Figure
     title: str
     states: tuple[StateRecord, ...]
+    mode: ModeShape | None = None
 
 
 def draw(kind: str, source: Source, style: Style) -> Picture:
     """Draw a kind of picture. Raises UsageError, which says what to run, where the data lack for it."""
     with styled(style):
         return KINDS[kind][0](source, style)
+
+
+def animate(picture: Picture, source: Source, style: Style, caption: str | None) -> bytes:
+    """The picture of a mode as an animated GIF."""
+    from ribbon_cli.plot.modes import mode_animation
+
+    assert picture.mode is not None
+    with styled(style):
+        return mode_animation(picture.states[0], picture.mode, style, caption, source.angles)
 
 
 def _one(source: Source, kind: str) -> StateRecord:
@@ -123,14 +140,33 @@ def _multipliers(source: Source, style: Style) -> Picture:
     from ribbon_cli.plot.curves import multipliers_figure
 
     states = _several(source)
-    return Picture(multipliers_figure(states, style), "Lagrange multipliers", states)
+    curves = [_curves(source, record) for record in states]
+    title = "Lagrange multipliers"
+    if any(curves):
+        title += " and, dashed, their explicit formulas on the same shapes"
+    return Picture(multipliers_figure(states, style, curves), title, states)
+
+
+def _curves(source: Source, record: StateRecord) -> Sequence[Curve] | None:
+    """A state's multipliers beside their formulas, None for auxiliary states, which have none."""
+    try:
+        return source.curves(record)
+    except UsageError:
+        return None
 
 
 def _spectrum(source: Source, style: Style) -> Picture:
     from ribbon_cli.plot.levels import spectrum_figure
 
-    states = source.states if not source.whole_run else _refined(_run(source, "spectrum"))
-    return Picture(spectrum_figure(states, style), "Eigenvalues of the projected Hessian", tuple(states))
+    if not source.whole_run:
+        groups = [source.states]
+    else:
+        groups = [_refined(run) for run in (_run(source, "spectrum"), *source.beside)]
+    title = "Eigenvalues of the projected Hessian"
+    if source.beside:
+        names = " and ".join(run.short_name for run in source.beside)
+        title += f", row by row; below, {names}"
+    return Picture(spectrum_figure(groups, style), title, tuple(groups[0]))
 
 
 def _refined(run: Run) -> tuple[StateRecord, ...]:
@@ -160,6 +196,8 @@ def _branch(source: Source, style: Style) -> Picture:
     from ribbon_cli.plot.levels import branch_figure, lowest_elastic
 
     run = _run(source, "branch")
+    if followed := courses(run, source.segments):
+        return _followed(run, followed, style)
     states = branch(run, source.segments)
     if len(states) < 2:
         raise UsageError(
@@ -177,6 +215,34 @@ def _branch(source: Source, style: Style) -> Picture:
     return Picture(figure, "Branch in the width", records)
 
 
+def _followed(run: Run, followed: dict[str, list[dict[str, Any]]], style: Style) -> Picture:
+    """Branches that arclength continuation followed, around folds and over saddles."""
+    from ribbon_cli.plot.branches import arclength_figure
+
+    first = {points[0]["label"] for points in followed.values() if not points[0].get("branch")}
+    starts = {label: _lowest(run.load(label)) for label in first}
+    every = {
+        p["label"]: p["branch"]["type"] for points in followed.values() for p in points if p.get("branch")
+    }
+    types = list(every.values())
+    title = f"Branches in the width: {len(followed)}"
+    for kind, name in (("fold", "folds"), ("branch-point", "branch points")):
+        if kind in types:
+            title += f", {name}: {types.count(kind)}"
+    return Picture(arclength_figure(followed, starts, style), title, ())
+
+
+def _lowest(record: StateRecord) -> float | None:
+    """The lowest eigenvalue in the physical metric, rotations left out, as branches store it."""
+    from ribbon_cli.plot.levels import spectrum_of
+
+    spectrum = spectrum_of(record, "physical")
+    if spectrum is None:
+        return None
+    pairs = zip(spectrum.values, spectrum.labels, strict=True)
+    return min((float(v) for v, label in pairs if label != "rotation"), default=None)
+
+
 def _family(source: Source, style: Style) -> Picture:
     from ribbon_cli.plot.pictures import family_figure
 
@@ -184,6 +250,15 @@ def _family(source: Source, style: Style) -> Picture:
     chosen = branch(run, source.segments) if source.segments else finest(run)
     records = tuple(run.load(state["label"]) for state in _thinned(chosen, MOST_SHAPES))
     return Picture(family_figure(records, style, source.angles), "Shapes at several widths", records)
+
+
+def _mode(source: Source, style: Style) -> Picture:
+    from ribbon_cli.plot.modes import mode_figure
+
+    record = _one(source, "mode")
+    assert source.mode is not None
+    mode = source.mode(record)
+    return Picture(mode_figure(record, mode, style, source.angles), mode.title, (record,), mode)
 
 
 def _pattern(source: Source, style: Style) -> Picture:
@@ -196,11 +271,12 @@ def _pattern(source: Source, style: Style) -> Picture:
 KINDS: dict[str, tuple[Callable[[Source, Style], Picture], str]] = {
     "shape": (_shape, "the surface with its rulings, of states in a row"),
     "geometry": (_geometry, "curvature, torsion, eta and eta' along the band, of states or a run"),
-    "multipliers": (_multipliers, "lambda_1 to lambda_5 along the band, of states or a run"),
+    "multipliers": (_multipliers, "lambda_1 to lambda_5 and their formulas, of states or a run"),
     "spectrum": (_spectrum, "eigenvalues of the projected Hessian, of states or a run"),
     "convergence": (_convergence, "energy differences under refinement, of a run"),
     "branch": (_branch, "energy, lowest eigenvalue and clearance over the width, of a run"),
     "family": (_family, "shapes at several widths in a row, of a run"),
+    "mode": (_mode, "a mode of the second variation, of a state"),
     "pattern": (_pattern, "the flat strip with its folds, of a state"),
 }
 """Drawing function and a line of help for each kind. A new kind is a new row."""

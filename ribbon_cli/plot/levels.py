@@ -30,28 +30,48 @@ def spectrum_of(record: StateRecord, metric: str) -> SpectrumRecord | None:
     return next((spectrum for spectrum in record.spectra if spectrum.metric == metric), None)
 
 
-def spectrum_figure(records: Sequence[StateRecord], style: Style) -> Figure:
+def spectrum_figure(groups: Sequence[Sequence[StateRecord]], style: Style) -> Figure:
     """Sorted eigenvalues of the projected Hessian in each metric, rotations left out, on a logarithmic scale.
 
-    Whole spectra are spread over [0, 1], as in Figure 3.14; where all that is stored are the lowest, they are
-    numbered. Raises UsageError where no state has a spectrum.
+    Each group of states has a row, and rows share their scales. Whole spectra are spread over [0, 1], as in
+    Figure 3.14; where all that is stored are the lowest, they are numbered. Raises UsageError where a
+    group has no spectrum.
     """
     from matplotlib.figure import Figure
 
-    metrics = [m for m in METRIC_TITLES if any(spectrum_of(record, m) for record in records)]
-    if not metrics:
-        raise UsageError(
-            f"state {records[0].label} has no spectrum: spectra are stored with equilibria, "
-            "where the config's `spectrum` asks for modes"
-        )
-    figure = Figure(figsize=(style.width, 0.48 * style.width), layout="constrained")
-    panels = figure.subplots(1, len(metrics), squeeze=False)[0]
-    for axes, metric in zip(panels, metrics, strict=True):
-        draw_spectra(axes, records, metric)
-        axes.set_title(METRIC_TITLES[metric])
-    handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=min(4, len(labels)), handlelength=2.6)
+    for records in groups:
+        if not any(spectrum_of(record, m) for m in METRIC_TITLES for record in records):
+            raise UsageError(
+                f"state {records[0].label} has no spectrum: spectra are stored with equilibria, "
+                "where the config's `spectrum` asks for modes"
+            )
+    every = [record for records in groups for record in records]
+    metrics = [m for m in METRIC_TITLES if any(spectrum_of(record, m) for record in every)]
+    rows = len(groups)
+    figure = Figure(figsize=(style.width, (0.1 + 0.38 * rows) * style.width), layout="constrained")
+    panels = figure.subplots(rows, len(metrics), squeeze=False, sharex="col", sharey="col")
+    for row, records in zip(panels, groups, strict=True):
+        for axes, metric in zip(row, metrics, strict=True):
+            draw_spectra(axes, records, metric)
+            axes.set_title(METRIC_TITLES[metric] + (f", rule {_rule(records)}" if rows > 1 else ""))
+            if axes is not panels[-1, list(row).index(axes)]:
+                axes.set_xlabel("")
+    labels: dict[str, Any] = {}
+    for axes in panels.ravel():
+        labels |= dict(zip(*reversed(axes.get_legend_handles_labels()), strict=True))
+    figure.legend(
+        labels.values(),
+        labels.keys(),
+        loc="outside upper center",
+        ncols=min(4, len(labels)),
+        handlelength=2.6,
+    )
     return figure
+
+
+def _rule(records: Sequence[StateRecord]) -> str:
+    """The rules by which states average xi, mostly one."""
+    return " and ".join(dict.fromkeys(record.discretisation for record in records))
 
 
 def draw_spectra(axes: Axes, records: Sequence[StateRecord], metric: str) -> None:

@@ -32,12 +32,14 @@ def draw_shape(
     view: View | None = None,
     marked: tuple[int, ...] = (),
     rulings: int = RULINGS,
+    like: NDArray[np.bool_] | None = None,
 ) -> View:
     """Draw a state's surface into `axes` and return the view, `automatic_view` unless given.
 
     The two sides have two colours. Light falls by |n.l|, which does not know a normal from its opposite, so
     that nothing shows where the seam lies. `marked` are node numbers, from 1, of rulings drawn in green,
-    and `rulings` is the most that are drawn of the others.
+    and `rulings` is the most that are drawn of the others. The colours of a one-sided band are fitted to
+    `like`, the `shown_sides` of a similar shape, if that is given.
     """
     corners, pieces = facet_corners(record), strip(record)
     view = view or automatic_view(corners)
@@ -45,35 +47,60 @@ def draw_shape(
     order, covered = depth_order(flat)
     normals = facet_normals(record)
     facing = normals @ view.eye
-    side = _sides(facing, covered, record.sigma if pieces.closed else 1, flat)
+    side = _sides(facing, covered, record.sigma if pieces.closed else 1, flat, like)
     colours = _shaded(side, np.abs(normals @ view.light))
     _paint(axes, flat, order, colours, facing, pieces, record.sigma, style, marked, rulings)
     _frame(axes, flat)
     return view
 
 
-def _sides(facing: Array, covered: NDArray[np.int64], sigma: int, flat: Array) -> NDArray[np.bool_]:
+def shown_sides(record: StateRecord, view: View) -> NDArray[np.bool_]:
+    """Which facets (N,) of a state have the first of the two colours, seen from `view`."""
+    corners = facet_corners(record)
+    flat = view.project(corners - corners.reshape(-1, 3).mean(axis=0))
+    facing = facet_normals(record) @ view.eye
+    return _sides(facing, depth_order(flat)[1], record.sigma if strip(record).closed else 1, flat)
+
+
+def _sides(
+    facing: Array,
+    covered: NDArray[np.int64],
+    sigma: int,
+    flat: Array,
+    like: NDArray[np.bool_] | None = None,
+) -> NDArray[np.bool_]:
     """Which of the two colours each facet (N,) has: it changes where the surface turns over in the picture.
 
     A one-sided band turns over an odd number of times, counted once round, so that at one place the
     colour has to stay: at the outline that most of the band covers, or else the shortest, never amid a
-    surface.
+    surface. With `like`, it is the outline, and of the two namings the one, with which the most facets
+    have their colour there.
     """
     front = facing > 0
     if sigma > 0:
         return front
     # The seam, behind facet N, is no place where the band turns over: there the normal changes its name.
     turns = np.flatnonzero(front != np.append(front[1:], ~front[0]))
-    flips = np.zeros(front.size, dtype=int)
+    if turns.size and like is not None:
+        found = [_coloured(bool(front[0]), turns, int(kept), front.size) for kept in turns]
+        found += [~side for side in found]
+        return max(found, key=lambda side: int(np.count_nonzero(side == like)))
+    kept = -1
     if turns.size:
         length = np.linalg.norm(flat[turns, 2, :2] - flat[turns, 3, :2], axis=1)
         cover = np.minimum(covered[turns], covered[(turns + 1) % front.size])
-        kept = turns[np.lexsort((length, -cover))[0]]
-        flips[turns] = 1
+        kept = int(turns[np.lexsort((length, -cover))[0]])
+    return _coloured(bool(front[0]), turns, kept, front.size)
+
+
+def _coloured(first: bool, turns: NDArray[np.int64], kept: int, count: int) -> NDArray[np.bool_]:
+    """Colours (count,) of facets: facet 1's own side's at the start; each turning-over but one changes it."""
+    flips = np.zeros(count, dtype=int)
+    flips[turns] = 1
+    if kept >= 0:
         flips[kept] = 0
-    # Colour of facet 1 is its own side's; each turning-over but one changes it.
     before = np.concatenate(([0], np.cumsum(flips)[:-1]))
-    side: NDArray[np.bool_] = front[0] ^ (before % 2 == 1)
+    side: NDArray[np.bool_] = first ^ (before % 2 == 1)
     return side
 
 

@@ -1,0 +1,171 @@
+"""Branches that were followed by arclength: where they fold, cross, touch, and when they are stable."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import groupby, pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ribbon_cli.plot.style import INK, LIGHT_GREY, PALETTE, Style
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Point = Mapping[str, Any]
+
+LINES: dict[int | None, tuple[str, Any]] = {
+    0: ("stable", "-"),
+    1: ("index 1", (0, (4, 1.8))),
+    2: ("index 2 or more", (0, (1.2, 1.4))),
+    None: ("index unknown", (0, (6, 1.6, 1.2, 1.6))),
+}
+"""Name and dashes of a stretch by its number of negative eigenvalues."""
+MARKS = {
+    "fold": ("fold", "D"),
+    "branch-point": ("branch point", "s"),
+    "contact": ("contact", "X"),
+}
+"""Name and marker of a point by its type."""
+TITLES = ("$E / E_{ring}$", "lowest eigenvalue", "clearance")
+
+
+def arclength_figure(
+    courses: Mapping[str, Sequence[Point]], starts: Mapping[int, float | None], style: Style
+) -> Figure:
+    """Energy, lowest eigenvalue and clearance over the half-width along branches.
+
+    `courses` are summaries of states by the name of the branch, from its start on; `starts` the lowest
+    eigenvalue by label of a start that is no point of a branch. Dashes tell how many directions lead down,
+    colours the branches, marks folds, branch points and contact.
+    """
+    from matplotlib.figure import Figure
+
+    rows = 0.13 * style.width + 0.05 * style.width * len(courses) / 2
+    figure = Figure(figsize=(style.width, 0.36 * style.width + rows), layout="constrained")
+    panels = figure.subplots(1, 3)
+    used: set[int | None] = set()
+    for k, points in enumerate(courses.values()):
+        b = np.array([p["half_width"] for p in points])
+        energy = np.array([p["energy"] for p in points], dtype=float)
+        ring = 2 * np.pi**2 * b / points[0]["length"]
+        lowest = np.array([_eigenvalue(p, starts) for p in points])
+        clearance = np.array([p["clearance"] for p in points], dtype=float)
+        stretches = _stretches(points)
+        used |= set(stretches)
+        colour = PALETTE[k % len(PALETTE)]
+        for axes, values in zip(panels, (energy / ring, lowest, clearance), strict=True):
+            _draw(axes, b, values, stretches, colour, style)
+            _mark(axes, points, b, values, colour, style)
+    for axes, title in zip(panels, TITLES, strict=True):
+        axes.set_title(title, loc="left")
+        axes.set_xlabel("$b$")
+        axes.margins(0.06)
+    panels[1].axhline(0.0, color=LIGHT_GREY, linewidth=0.6, zorder=0)
+    panels[2].set_ylim(bottom=0.0)
+    _legend(figure, courses, used, style)
+    return figure
+
+
+def _eigenvalue(point: Point, starts: Mapping[int, float | None]) -> float:
+    """The lowest eigenvalue at a point, not-a-number where it is unknown.
+
+    Where the index changes between 0 and 1, the lowest is the one that vanishes.
+    """
+    branch = point.get("branch")
+    if branch and {branch["index_before"], branch["index_after"]} == {0, 1}:
+        return 0.0
+    value = branch["lowest_eigenvalue"] if branch else starts.get(point["label"])
+    return float("nan") if value is None else float(value)
+
+
+def _stretches(points: Sequence[Point]) -> list[int | None]:
+    """Number of negative eigenvalues between each point and the next, 2 for more; None: unknown."""
+    found: list[int | None] = []
+    for k, (one, other) in enumerate(pairwise(points)):
+        ends = [_index(other, "index_before")]
+        # A branch that begins at a point of another has that one's index nowhere.
+        if k or not one.get("branch"):
+            ends.append(_index(one, "index_after"))
+        known = {index for index in ends if index is not None}
+        found.append(min(known.pop(), 2) if len(known) == 1 else None)
+    return found
+
+
+def _index(point: Point, side: str) -> int | None:
+    """Negative eigenvalues at a point, or on one side of it where they change."""
+    branch = point.get("branch")
+    known = branch[side] if branch and branch["type"] in ("fold", "branch-point") else None
+    index: int | None = point["negative_eigenvalues"] if known is None else known
+    return index
+
+
+def _runs(stretches: Sequence[int | None]) -> Iterator[tuple[int | None, int, int]]:
+    """Neighbouring stretches of one index: it, and the numbers of the first and of the last point."""
+    place = 0
+    for index, group in groupby(stretches):
+        count = len(list(group))
+        yield index, place, place + count
+        place += count
+
+
+def _draw(
+    axes: Axes,
+    b: np.ndarray,
+    values: np.ndarray,
+    stretches: Sequence[int | None],
+    colour: str,
+    style: Style,
+) -> None:
+    """A branch as lines, dashed by index."""
+    for index, first, last in _runs(stretches):
+        part = slice(first, last + 1)
+        known = ~np.isnan(values[part])
+        x, y = b[part][known], values[part][known]
+        axes.plot(x, y, color=colour, linestyle=LINES[index][1], linewidth=style.line)
+
+
+def _mark(
+    axes: Axes, points: Sequence[Point], b: np.ndarray, values: np.ndarray, colour: str, style: Style
+) -> None:
+    """Marks at points that are more than steps."""
+    for k, point in enumerate(points):
+        branch = point.get("branch")
+        if branch is None or branch["type"] not in MARKS or (k == 0 and len(points) > 1):
+            continue
+        axes.plot(
+            b[k],
+            values[k],
+            linestyle="",
+            marker=MARKS[branch["type"]][1],
+            markersize=1.5 * style.marker,
+            markerfacecolor="white",
+            markeredgecolor=colour,
+            zorder=4,
+        )
+
+
+def _legend(
+    figure: Figure, courses: Mapping[str, Sequence[Point]], used: set[int | None], style: Style
+) -> None:
+    """What colours, dashes and marks mean; of these only what is there."""
+    from matplotlib.lines import Line2D
+
+    types = {p["branch"]["type"] for points in courses.values() for p in points if p.get("branch")}
+    handles = [
+        Line2D([], [], color=PALETTE[k % len(PALETTE)], label=name, linewidth=2 * style.line)
+        for k, name in enumerate(courses)
+    ]
+    handles += [
+        Line2D([], [], color=INK, linestyle=dashes, label=name)
+        for index, (name, dashes) in LINES.items()
+        if index in used
+    ]
+    handles += [
+        Line2D([], [], color=INK, linestyle="", marker=marker, markerfacecolor="white", label=name)
+        for kind, (name, marker) in MARKS.items()
+        if kind in types
+    ]
+    figure.legend(handles=handles, loc="outside upper center", ncols=4, handlelength=3.0)
