@@ -136,8 +136,6 @@ class Run:
 
         Raises StoreError for a damaged log, or a run of a newer format.
         """
-        if self._log.path != self.log_path:
-            self._log = log.LogReader(self.log_path)
         events = self._log.entries()
         if events is not self._events:
             self._events, self._entries, self._indexed = events, {}, 0
@@ -327,6 +325,7 @@ class Run:
             try:
                 os.rename(self.path, target)
                 self.path = self._lock.folder = target
+                self._log = log.LogReader(self.log_path)
                 sync_folder(target.parent)
             except OSError as error:
                 raise write_error(target, error) from error

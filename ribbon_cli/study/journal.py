@@ -73,6 +73,10 @@ class Journal:
             else:
                 self._ends.setdefault(state["stage"], label)
 
+    def has(self, stage: str) -> bool:
+        """Whether the state that ended a stage is stored."""
+        return stage in self._ends
+
     def finished(self, stage: str) -> StateRecord | None:
         """The state that ended a stage, if it is stored."""
         label = self._ends.get(stage)
