@@ -17,20 +17,18 @@ from ..errors import UsageError
 from ..model.band import Array
 from ..model.constraints import row_weights
 from ..model.contact import GRAZING_TOLERANCE
-from ..model.metrics import metric_named
 from ..model.problem import LocalDerivatives, Prescription, Problem
 from ..model.topology import EXACT_TOLERANCE
 from ..solver.inertia import inertia
 from ..solver.kkt import KKTMatrix
 from ..solver.linear import Factor, FactorisationError
 from ..solver.newton import Options
-from ..solver.pencil import Pencil
 from ..solver.saddle_free import lagrangian_gradient
-from ..solver.spectra import SLIDING_OVERLAP, sliding_covector
 from ..solver.status import Result, Status
-from ..store import Run, SpectrumRecord, StateRecord, list_runs, resolve_state
+from ..store import Run, StateRecord, list_runs, resolve_state
 from ..store.verification import Checked, Finding, check_file, check_folder, check_states
 from .records import Reached, derive, multipliers_of, state_of
+from .spectra_checks import check_spectra
 
 EPS = float(np.finfo(float).eps)
 ROUNDING = 256.0 * EPS
@@ -39,8 +37,6 @@ DERIVED = 1e-9
 """Relative difference up to which recomputed quantities agree; the stored ones have rounding errors alone."""
 ENERGY = 1e-12
 """The same of energies, which are sums of positive terms."""
-NOISE = 1e-10
-"""Rounding of eigenvalues and residuals of modes, relative to the largest entry of the Hessian."""
 _STATIONARY = (Status.MINIMUM, Status.SADDLE, Status.UNDECIDED)
 _ARITHMETIC = (ValueError, ArithmeticError, np.linalg.LinAlgError, FactorisationError)
 
@@ -135,7 +131,7 @@ def _findings(record: StateRecord) -> Iterator[str]:
     yield from _certificate(record, result)
     if status in _STATIONARY:
         yield from _inertia(record, problem, local, x)
-    yield from _spectra(record, problem, local, x)
+    yield from check_spectra(record, problem, local, x)
 
 
 def problem_of(record: StateRecord) -> Problem:
@@ -234,63 +230,3 @@ def _inertia(record: StateRecord, problem: Problem, local: LocalDerivatives, x: 
         yield f"negative_eigenvalues is {stored}, recomputed {count.negative}"
     elif not count.trusted and stored == 0:
         yield f"negative_eigenvalues is 0, which cannot be confirmed (pivot gap {count.gap:.1e})"
-
-
-def _spectra(record: StateRecord, problem: Problem, local: LocalDerivatives, x: Array) -> Iterator[str]:
-    """Check each spectrum: order, signs, labels, and what follows from the modes that are stored."""
-    for spectrum in record.spectra:
-        name, values = f"/spectra/{spectrum.metric}", spectrum.values
-        others = np.array([label != "rotation" for label in spectrum.labels], dtype=bool)
-        if not np.all(np.diff(values) >= 0):
-            yield f"{name}/values do not ascend"
-        below = values[others] < -np.maximum(1e-9, 10.0 * spectrum.residuals[others])
-        if record.certified and below.any():
-            yield f"{name}/values has {int(below.sum())} negative ones, but the state is certified"
-        if not np.all(spectrum.residuals >= 0):
-            yield f"{name}/residuals are not norms"
-        overlap = spectrum.sliding_overlap
-        if not np.all((overlap >= 0) & (overlap <= 1)):
-            yield f"{name}/sliding_overlap is not between 0 and 1"
-        sliding = np.array([label == "sliding" for label in spectrum.labels], dtype=bool)
-        if np.any(sliding != (others & (overlap > SLIDING_OVERLAP))):
-            yield f"{name}/labels do not agree with sliding_overlap"
-        rotations = (values, spectrum.residuals, overlap)
-        if np.any(np.stack(rotations)[:, ~others] != 0.0):
-            yield f"{name} has rotations with other numbers than zero"
-        if spectrum.vectors is not None:
-            yield from _modes(name, spectrum, problem, local, x)
-
-
-def _modes(
-    name: str, spectrum: SpectrumRecord, problem: Problem, local: LocalDerivatives, x: Array
-) -> Iterator[str]:
-    """Modes must be tangent to the constraints, with their eigenvalues as Rayleigh quotients and their
-    residuals."""
-    assert spectrum.vectors is not None
-    pencil = Pencil(problem, x, local, metric_named(spectrum.metric))
-    hessian, mass, jacobian = pencil.hessian, pencil.mass, problem.jacobian_matrix(local)
-    size, steepest = float(abs(hessian).max()), max(1.0, float(abs(jacobian).max()))
-    kept = [k for k in range(len(spectrum.vectors)) if spectrum.labels[k] != "rotation"]
-    vectors = spectrum.vectors[kept].reshape(len(kept), problem.size).T
-    norms = np.einsum("ij,ij->j", vectors, mass @ vectors)
-    squares = np.einsum("ij,ij->j", vectors, vectors) / norms
-    values = spectrum.values[kept]
-    quotients = np.einsum("ij,ij->j", vectors, hessian @ vectors) / norms
-    found = pencil.residuals(values, vectors / np.sqrt(norms))
-    overlaps = np.abs(sliding_covector(problem, x, mass, pencil.rotations) @ vectors) / np.sqrt(norms)
-    for k, value, quotient, square, residual, overlap in zip(
-        kept, values, quotients, squares, found, overlaps, strict=True
-    ):
-        # A mode that is off by e has a quotient off by e^2 |W|.
-        if not abs(quotient - value) <= 1e-6 * abs(value) + NOISE * size * square:
-            yield f"{name}/values[{k}] is {value:.10g}, its mode gives {quotient:.10g}"
-        stored = spectrum.residuals[k]
-        if not abs(stored - residual) <= 0.5 * max(stored, residual) + NOISE * size * np.sqrt(square):
-            yield f"{name}/residuals[{k}] is {stored:.3g}, recomputed {residual:.3g}"
-        kept_overlap = spectrum.sliding_overlap[k]
-        if not abs(min(overlap, 1.0) - kept_overlap) <= 1e-6:
-            yield f"{name}/sliding_overlap[{k}] is {kept_overlap:.6g}, recomputed {overlap:.6g}"
-    lengths = np.linalg.norm(vectors, axis=0)
-    leaving = np.abs(jacobian @ vectors).max(axis=0, initial=0.0) > 1e-6 * lengths * steepest
-    for k in np.flatnonzero(leaving):
-        yield f"{name}/vectors[{kept[k]}] leaves the constraints"
