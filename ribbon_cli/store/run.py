@@ -261,8 +261,21 @@ class Run:
 
     @property
     def has_leftovers(self) -> bool:
-        """Whether an interrupted writer left temporary files."""
-        return any(any(place.glob(f"{TEMPORARY}*")) for place in (self.path, self.path / STATES))
+        """Whether an interrupted writer left temporary files, a state without a line, or a part of a line.
+
+        Lists the folder and opens no state. Raises StoreError as `events` does.
+        """
+        committed = {os.path.basename(state_name(label)) for label in self.entries()}
+        try:
+            here, states = os.listdir(self.path), os.listdir(self.path / STATES)
+        except OSError:
+            return False
+        unknown = (name for name in states if name not in committed)
+        return (
+            self._log.torn
+            or any(name.startswith(TEMPORARY) for name in here)
+            or any(name.startswith(TEMPORARY) or label_of(Path(name)) is not None for name in unknown)
+        )
 
     @property
     def is_writing(self) -> bool:

@@ -39,14 +39,16 @@ def run_or_read(run: Run, progress: Progress, study: Callable[[Progress], Outcom
     So a finished run can be used that others may not write to, or that someone is refining; what an
     interrupted writer left in it is cleared if it can be. Raises as `Run.writing`.
     """
+    cleared: list[str] = []
     if run.has_leftovers:
         with suppress(StoreError, LockedError), run.writing():
-            pass
+            cleared = list(run.remarks)
     told = Recording()
     try:
         outcome = study(told)
     except NotStoredError:
         with run.writing():
+            run.remarks[:0] = cleared
             return study(progress)
     told.replay(progress)
     return outcome
