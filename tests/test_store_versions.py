@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from store_support import relative_files
 from ribbon_cli.store import FORMAT_VERSION, Run, decode
 from ribbon_cli.store.folder import RUN_FORMAT_VERSION
 from ribbon_cli.store.preamble import head_version
+from ribbon_cli.study.verification import verify_record
 
 DATA = Path(__file__).parent / "data"
 VERSIONS = sorted(path.name.removeprefix("format-") for path in DATA.glob("format-*"))
@@ -90,3 +92,16 @@ def test_what_the_band_in_two_pieces_of_1_1_says():
     np.testing.assert_array_equal(record.g_cut, [0.0, -1.0, 0.0])
     assert np.flatnonzero(np.isnan(record.kappa_s)).tolist() == [0, 8]
     assert ribbon("verify", IN_TWO).exit_code == 0
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["u", "g", "xi", "g_cut", "g_end", "midline", "kappa_s", "tau", "eta", "eta_prime", "energy", "cut_node"],
+)
+def test_a_wrong_number_of_a_band_in_two_pieces_is_noticed(name):
+    record = decode(IN_TWO)
+    value = np.array(getattr(record, name))
+    value.flat[value.size // 2 + (name in ("kappa_s", "tau"))] += 1 if name == "cut_node" else 1e-5
+    wrong = replace(record, **{name: value if value.ndim else value.item()})
+    assert verify_record(record) == []
+    assert verify_record(wrong)
