@@ -71,7 +71,7 @@ test-large: $(READY_DEV) ## inertia, dense algebra and Lanczos at N = 400 and 80
 	@$(BIN)/python -m pytest -m large
 
 test-faults: $(READY_DEV) ## run the long fault tests of the store: kills, failing calls, crash images, damage
-	@$(BIN)/python -m pytest -m faults --durations=0
+	@$(BIN)/python -m pytest -m faults -n auto --maxprocesses 4 --durations=0
 
 lint: $(READY_DEV) ## check style, format and types
 	@$(BIN)/ruff check .

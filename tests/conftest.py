@@ -18,16 +18,16 @@ def strict_floats() -> Iterator[None]:
         yield
 
 
-FIGURES: list[str] = []
-
-
 @pytest.fixture
 def figure(request: pytest.FixtureRequest) -> Callable[[str], None]:
-    """Keep a line on what a long test saw; shown at the end."""
-    return lambda text: FIGURES.append(f"{request.node.name}: {text}")
+    """Keep a line on what a long test saw; shown at the end, from the workers of xdist too."""
+    return lambda text: request.node.user_properties.append(("figure", text))
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     """Show the figures of the long tests."""
-    for line in FIGURES:
-        terminalreporter.write_line(line)
+    for outcome in ("passed", "failed"):
+        for report in terminalreporter.getreports(outcome):
+            for name, text in report.user_properties if report.when == "call" else ():
+                if name == "figure":
+                    terminalreporter.write_line(f"{report.nodeid}: {text}")

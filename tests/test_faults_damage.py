@@ -33,8 +33,12 @@ FROZEN = Path(__file__).parent / "data" / "format-1.0"
 
 @pytest.fixture(scope="module")
 def state() -> bytes:
-    """A small solved state, in today's format."""
+    """A small solved state, in today's format.
+
+    It is verified here, so that children, which are forked, find everything imported.
+    """
     (path,) = FROZEN.glob("*/states/0006.h5")
+    assert ribbon("verify", path, "-q").exit_code == 0
     return encode(decode(path))
 
 
@@ -286,7 +290,9 @@ def test_mutated_files_are_refused_or_read_as_they_were(tmp_path, state):
 
 
 @pytest.mark.faults
-def test_five_thousand_mutated_files(tmp_path, state, figure):
-    codes = mutated(tmp_path, state, 5000, seed=2)
+@pytest.mark.parametrize("part", range(10))
+def test_five_thousand_mutated_files(tmp_path, state, figure, part):
+    """Five hundred of the five thousand."""
+    codes = mutated(tmp_path, state, 500, seed=2 + part)
     figure(f"exit codes {codes}")
-    assert codes[4] > 4000
+    assert codes[4] > 400

@@ -15,9 +15,13 @@ import pytest
 from cli_support import ribbon, ribbon_json
 from store_support import CONFIG, RESOLVED, make_record
 
+from bench.store import make_run
+from ribbon_cli.config import load_config
+from ribbon_cli.errors import StoreError
 from ribbon_cli.store import Run, encode, log, resolve_state
 from ribbon_cli.store.folder import state_entry, state_name
 from ribbon_cli.store.preamble import check_seal, seal
+from ribbon_cli.study import solve_config
 from ribbon_cli.study.journal import Journal
 from ribbon_cli.study.progress import Silence
 
@@ -45,6 +49,11 @@ def opened(folder: Path) -> Iterator[list[str]]:
         yield OPENED
     finally:
         WATCH.clear()
+
+
+def read(files: list[str]) -> int:
+    """Bytes that were read at most: each file whole, as often as it was opened."""
+    return sum(os.path.getsize(name) for name in files if os.path.exists(name))
 
 
 def make_big_run(root: Path, states: int = STATES) -> Run:
@@ -79,6 +88,8 @@ def test_a_listing_reads_each_state_once(big):
     assert len(json.loads(listed.stdout)) == STATES
     assert len([name for name in files if name.endswith(".h5")]) == STATES
     assert len(files) < STATES + 20
+    states = sum(os.path.getsize(big.state_path(label)) for label in big.entries())
+    assert read(files) < states + 2 * os.path.getsize(big.log_path)
 
 
 def test_references_and_the_list_of_runs_open_no_state(big):
@@ -88,6 +99,7 @@ def test_references_and_the_list_of_runs_open_no_state(big):
         assert resolve_state(root, f"big@b={0.1 + 77 / STATES!r}")[1] == 77
     assert not [name for name in files if name.endswith(".h5")]
     assert len(files) < 20
+    assert read(files) < 3 * os.path.getsize(big.log_path)
 
 
 def test_the_log_is_read_once_however_often_a_run_is_asked(big):
@@ -110,6 +122,28 @@ def test_resuming_starts_with_the_stages_that_are_asked_for(big, monkeypatch):
         assert len([name for name in files if name.endswith(".h5")]) == 2
         assert run.next_label == STATES + 1
     assert len(files) < 20
+    assert read(files) < 3 * os.path.getsize(big.log_path)
+
+
+def test_a_finished_run_is_passed_over_by_reading_each_file_once_and_without_hdf5(tmp_path, monkeypatch):
+    run = make_run(tmp_path, 200)
+    monkeypatch.setattr("ribbon_cli.store.run.decode_bytes", no_hdf5)
+    with opened(run.path) as files:
+        outcome = solve_config(load_config(tmp_path / "big.yaml"), tmp_path / "runs")
+    assert (len(outcome.targets), outcome.new_states, outcome.exit_code) == (200, 0, 0)
+    assert all(files.count(str(run.state_path(label))) == 1 for label in range(1, 201))
+    assert files.count(str(run.log_path)) == 1
+    assert len(files) < 200 + 20
+
+
+def test_a_damaged_state_of_a_finished_run_is_not_passed_over(tmp_path):
+    """Its hash is compared, though nothing of it is needed but what the log says."""
+    run = make_run(tmp_path, 20)
+    data = bytearray(run.state_path(7).read_bytes())
+    data[-1] ^= 1
+    run.state_path(7).write_bytes(data)
+    with pytest.raises(StoreError, match=r"0007\.h5: damaged: not the bytes that were committed"):
+        solve_config(load_config(tmp_path / "big.yaml"), tmp_path / "runs")
 
 
 def test_the_index_is_rebuilt_by_reading_each_state_once_and_without_hdf5(big, tmp_path, monkeypatch):

@@ -5,10 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from store_support import make_record
 
 from ribbon_cli.config import Config, parse_config
 from ribbon_cli.errors import LockedError, UsageError
-from ribbon_cli.store import Run
+from ribbon_cli.store import Run, encode
 from ribbon_cli.study import given_band, plan_of, refine_state, solve_config
 
 SMALL = """
@@ -355,6 +356,43 @@ def test_a_finished_run_is_not_written_to(tmp_path: Path) -> None:
     before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")}
     assert solve_config(config(SMALL), tmp_path).targets == first.targets
     assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")} == before
+
+
+@pytest.mark.parametrize("left", ["temporary file", "whole state", "torn state", "torn line"])
+def test_what_an_interrupted_writer_left_is_cleared_though_all_is_solved(tmp_path: Path, left: str) -> None:
+    first = solve_config(config(SMALL), tmp_path)
+    run, label = first.run, first.run.next_label
+    match left:
+        case "temporary file":
+            (run.path / "states" / ".tmp-0099.h5-1").write_bytes(b"x")
+            told = "removed the unfinished file"
+        case "whole state":
+            run.state_path(label).write_bytes(encode(make_record(label)))
+            told = f"adopted state {label}"
+        case "torn state":
+            run.state_path(label).write_bytes(b"torn")
+            told = f"renamed {run.state_path(label).name}"
+        case _:
+            with open(run.log_path, "ab") as log:
+                log.write(b'{"event":"sta')
+            told = "cut off an unfinished line"
+    fresh = Run.open(run.path)
+    assert fresh.has_leftovers
+    watch = Recorder()
+    again = solve_config(config(SMALL), tmp_path, progress=watch)
+    assert (again.new_states, again.targets) == (0, first.targets)
+    assert any(told in note for note in watch.notes), watch.notes
+    fresh = Run.open(run.path)
+    assert not fresh.has_leftovers
+    assert (label in fresh.entries()) == (left == "whole state")
+    assert log_is_whole(fresh)
+    quiet = Recorder()
+    assert solve_config(config(SMALL), tmp_path, progress=quiet).targets == first.targets
+    assert not any(told in note for note in quiet.notes)
+
+
+def log_is_whole(run: Run) -> bool:
+    return run.log_path.read_bytes().endswith(b"\n")
 
 
 def test_another_state_of_the_same_name_is_noticed(tmp_path: Path) -> None:

@@ -95,6 +95,47 @@ def test_modes_that_are_none_are_found_out(records):
     assert verify_record(replace(record, spectra=(first, bent)))
 
 
+def test_spectra_that_say_something_else_than_their_modes_are_found_out(records):
+    record = records[EQUILIBRIUM]
+    first, second = record.spectra
+    turn, mode = first.labels.index("rotation"), first.labels.index("mode")
+
+    def said(**changes) -> list[str]:
+        return verify_record(replace(record, spectra=(replace(first, **changes), second)))
+
+    def labelled(k: int, word: str) -> tuple[str, ...]:
+        return (*first.labels[:k], word, *first.labels[k + 1 :])
+
+    def moved(k: int, by) -> np.ndarray:
+        vectors = first.vectors.copy()
+        vectors[k] = by(vectors[k])
+        return vectors
+
+    bent = np.zeros_like(first.vectors[turn])
+    bent[3, 1] = 1e-3
+    name = "/spectra/euclidean"
+    assert said(vectors=moved(turn, lambda v: v + bent)) == [
+        f"{name}/vectors[{turn}] is no rotation of unit length"
+    ]
+    assert said(vectors=moved(turn, lambda v: 2.0 * v)) == [
+        f"{name}/vectors[{turn}] is no rotation of unit length"
+    ]
+    assert any("unit length and orth" in line for line in said(vectors=moved(mode, lambda v: 1.001 * v)))
+    assert any(
+        "unit length and orth" in line
+        for line in said(vectors=moved(mode + 1, lambda v: first.vectors[mode]))
+    )
+    assert said(labels=labelled(mode, "checkerboard")) == [
+        f"{name}/labels[{mode}] is checkerboard, its mode is mode"
+    ]
+    assert any("labels do not agree" in line for line in said(labels=labelled(mode, "sliding")))
+    assert any("none of rotation, sliding" in line for line in said(labels=labelled(mode, "modus")))
+    assert any("has 4 rotations, the shape 3" in line for line in said(labels=labelled(mode, "rotation")))
+    residuals = first.residuals.copy()
+    residuals[mode] = 1e-3
+    assert any(f"residuals[{mode}] is 0.001" in line for line in said(residuals=residuals))
+
+
 def test_values_that_are_not_finite_are_a_line_and_no_error(records):
     record = records[EQUILIBRIUM]
     for name in ("u", "g", "xi", "lambda_3"):

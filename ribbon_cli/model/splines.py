@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from .band import Array, Band
 
@@ -16,6 +15,8 @@ class BandSpline:
     """
 
     def __init__(self, band: Band, values: Array, offset: float, sign: int) -> None:
+        from scipy.interpolate import CubicSpline  # here: loading it takes longer than most commands
+
         whole = values if sign > 0 else np.concatenate((values, -values))
         knots = band.h * (np.arange(len(whole) + 1) + offset)
         self._spline = CubicSpline(knots, np.concatenate((whole, whole[:1])), bc_type="periodic")

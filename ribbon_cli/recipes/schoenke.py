@@ -20,7 +20,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
 
 from ..model import folding
 from ..model.band import Array, Band, State
@@ -75,6 +74,8 @@ def best_unit(inflections: int, half_width: float, length: float) -> Unit:
     They may come as near as b eta_0 / a = 0.9 on narrow bands, nearer on those that have to.
     Raises ValueError if the half-width is `widest` or more.
     """
+    from scipy.optimize import brentq  # here: loading it takes longer than most commands
+
     limit = widest(inflections, length)
     if not 0.0 < half_width < limit:
         raise ValueError(
@@ -96,6 +97,8 @@ def best_unit(inflections: int, half_width: float, length: float) -> Unit:
 
 def _last_turn(inflections: int) -> float:
     """The Theta at which the flat pieces vanish, a = 0."""
+    from scipy.optimize import brentq  # here: loading it takes longer than most commands
+
     cosine = math.cos(math.pi / inflections)
 
     def flat(turn: float) -> float:

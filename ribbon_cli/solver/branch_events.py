@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
-from scipy.optimize import brentq
 
 from ..model.band import Array
 from ..model.problem import Problem
@@ -116,6 +115,8 @@ class Segment:
 
     def root(self, f: Callable[[float], float], low: float, high: float, accuracy: float) -> float:
         """A zero of f between two positions at which its signs differ."""
+        from scipy.optimize import brentq  # here: loading it takes longer than most commands
+
         return float(brentq(f, low, high, xtol=accuracy, rtol=8.9e-16))
 
 
@@ -234,6 +235,8 @@ def _branch_point(segment: Segment, low: float, high: float, before: int, after:
     as the cube root of its tolerance. The bracket is therefore closed to a small part of the step only, and
     within it the branch is interpolated, with an error of the fourth power of that part.
     """
+    from scipy.optimize import brentq  # here: loading it takes longer than most commands
+
     c = soft_direction(segment.at(0.5 * (low + high)))
     near = BRACKET * (high - low)
     try:

@@ -10,12 +10,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from ..model import folding
 from ..model.band import Array, Band, State
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 NEAR_LIMIT = 0.9
 STEEPENING = 2.7
@@ -44,6 +47,8 @@ class Start:
 
 def closed_spline(values: Array, length: float, first: float, sign: int) -> CubicSpline:
     """Cubic spline through (N,) values at first, first + h, ... with f(s + length) = sign f(s)."""
+    from scipy.interpolate import CubicSpline  # here: loading it takes longer than most commands
+
     n = values.size
     if sign > 0:
         s = first + length * np.arange(n + 1) / n

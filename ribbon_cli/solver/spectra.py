@@ -25,6 +25,8 @@ CHECKERBOARD_SHARE = 0.5
 CHECKERBOARD_FACETS = 3.0
 """A mode is a checkerboard when most of its xi is hidden, over more facets than the two on which a peak of
 one facet's width alternates when it moves."""
+LABELS = ("rotation", "sliding", "checkerboard", "mode")
+"""What a mode may be."""
 NEAR_EQUAL = 1e-6
 """Relative difference of eigenvalues that are not told apart when they are counted."""
 SEARCHES = 4
@@ -121,7 +123,8 @@ def hidden_share(problem: Problem, vectors: Array) -> tuple[Array, Array]:
     return np.where(void, 0.0, hidden / whole), np.where(void, 0.0, spread)
 
 
-def _label(overlap: float, hidden: float, spread: float) -> str:
+def mode_label(overlap: float, hidden: float, spread: float) -> str:
+    """What a mode besides the rotations is, by its overlap with sliding and its `hidden_share`."""
     if overlap > SLIDING_OVERLAP:
         return "sliding"
     return "checkerboard" if hidden > CHECKERBOARD_SHARE and spread > CHECKERBOARD_FACETS else "mode"
@@ -150,7 +153,7 @@ def _assemble(
     rotations = problem.rotations(x)
     overlaps = np.minimum(np.abs(sliding_covector(problem, x, mass, rotations) @ found.vectors), 1.0)
     hidden, spread = hidden_share(problem, found.vectors)
-    labels = [_label(*figures) for figures in zip(overlaps, hidden, spread, strict=True)]
+    labels = [mode_label(*figures) for figures in zip(overlaps, hidden, spread, strict=True)]
     count, kept = rotations.shape[1], min(keep, found.values.size)
     order = np.argsort(np.concatenate((np.zeros(count), found.values)), kind="stable")
     norms = lengths(mass, rotations)

@@ -106,6 +106,11 @@ class LogReader:
             self._seen = seen
         return self._entries
 
+    @property
+    def torn(self) -> bool:
+        """Whether more than whole lines was there when the log was last read."""
+        return self._seen is not None and self._seen[1] > self._end
+
     def _read_on(self) -> None:
         lines = read_lines(self.path, self._end)
         for line in lines[:-1] if lines and b"\0" in lines[-1] else lines:

@@ -136,8 +136,6 @@ class Run:
 
         Raises StoreError for a damaged log, or a run of a newer format.
         """
-        if self._log.path != self.log_path:
-            self._log = log.LogReader(self.log_path)
         events = self._log.entries()
         if events is not self._events:
             self._events, self._entries, self._indexed = events, {}, 0
@@ -263,8 +261,21 @@ class Run:
 
     @property
     def has_leftovers(self) -> bool:
-        """Whether an interrupted writer left temporary files."""
-        return any(any(place.glob(f"{TEMPORARY}*")) for place in (self.path, self.path / STATES))
+        """Whether an interrupted writer left temporary files, a state without a line, or a part of a line.
+
+        Lists the folder and opens no state. Raises StoreError as `events` does.
+        """
+        committed = {os.path.basename(state_name(label)) for label in self.entries()}
+        try:
+            here, states = os.listdir(self.path), os.listdir(self.path / STATES)
+        except OSError:
+            return False
+        unknown = (name for name in states if name not in committed)
+        return (
+            self._log.torn
+            or any(name.startswith(TEMPORARY) for name in here)
+            or any(name.startswith(TEMPORARY) or label_of(Path(name)) is not None for name in unknown)
+        )
 
     @property
     def is_writing(self) -> bool:
@@ -327,6 +338,7 @@ class Run:
             try:
                 os.rename(self.path, target)
                 self.path = self._lock.folder = target
+                self._log = log.LogReader(self.log_path)
                 sync_folder(target.parent)
             except OSError as error:
                 raise write_error(target, error) from error

@@ -34,8 +34,25 @@ class StoredRecord(StateRecord):
         record.__dict__["_read"] = read
         return record
 
-    def __getattribute__(self, name: str) -> Any:
-        own = object.__getattribute__(self, "__dict__")
-        if name in _FIELDS and name not in own and "_read" in own:
+
+class _Unread:
+    """A field that is not known yet. What is known lies in the record's `__dict__`, which goes before."""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._name = name
+
+    def __get__(self, record: StoredRecord | None, owner: type) -> Any:
+        if record is None:
+            return self
+        own = record.__dict__
+        if "_read" in own:
             own.update(own.pop("_read")().__dict__)
-        return object.__getattribute__(self, name)
+        if self._name not in own:
+            raise AttributeError(self._name)
+        return own[self._name]
+
+
+for _name in _FIELDS:
+    _field = _Unread()
+    _field.__set_name__(StoredRecord, _name)
+    setattr(StoredRecord, _name, _field)

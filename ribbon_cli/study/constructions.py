@@ -41,13 +41,13 @@ def _join(steps: Steps, last: StateRecord) -> StateRecord:
         if known is None:
             clock, whole = steps.journal.clock(), k == QUARTERS
             method = "halves joined again" if whole else f"second half turned by {k}/{QUARTERS} of pi"
-            changes = {} if whole else _in_two(joined, turned(state, math.pi * k / QUARTERS))
+            changes = {} if whole else in_two_pieces(joined, turned(state, math.pi * k / QUARTERS))
             known = _store(steps, joined, clock, stage, method, parent, changes)
         record = known
     return record
 
 
-def _in_two(joined: State, pieces: Pieces) -> dict[str, Any]:
+def in_two_pieces(joined: State, pieces: Pieces) -> dict[str, Any]:
     """What the record of a band in two pieces has in place of the joined one's.
 
     Folds at the cuts do not exist: their curvature is not a number and their energy is left out. Neither
@@ -106,8 +106,15 @@ def _store(
     changes: Mapping[str, Any] | None = None,
 ) -> StateRecord:
     """Store a state that was made and not solved for; its multipliers are not numbers."""
+    problem, made = Problem(state.band), constructed(state)
+    reached = Reached(problem, made, "auxiliary", stage, method, steps.half_twists, parent)
+    return steps.journal.store_made(reached, clock, changes or {})
+
+
+def constructed(state: State) -> Result:
+    """A state that was made and not solved for, as a result; its multipliers are not numbers."""
     problem, x = Problem(state.band), state.vector()
-    made = Result(
+    return Result(
         Status.CONSTRUCTED,
         x,
         np.full(problem.rows, np.nan),
@@ -118,5 +125,3 @@ def _store(
         None,
         0,
     )
-    reached = Reached(problem, made, "auxiliary", stage, method, steps.half_twists, parent)
-    return steps.journal.store_made(reached, clock, changes or {})

@@ -39,14 +39,16 @@ def run_or_read(run: Run, progress: Progress, study: Callable[[Progress], Outcom
     So a finished run can be used that others may not write to, or that someone is refining; what an
     interrupted writer left in it is cleared if it can be. Raises as `Run.writing`.
     """
+    cleared: list[str] = []
     if run.has_leftovers:
         with suppress(StoreError, LockedError), run.writing():
-            pass
+            cleared = list(run.remarks)
     told = Recording()
     try:
         outcome = study(told)
     except NotStoredError:
         with run.writing():
+            run.remarks[:0] = cleared
             return study(progress)
     told.replay(progress)
     return outcome
@@ -72,6 +74,10 @@ class Journal:
                 self._saddles[state["stage"]] = self._saddles.get(state["stage"], 0) + 1
             else:
                 self._ends.setdefault(state["stage"], label)
+
+    def has(self, stage: str) -> bool:
+        """Whether the state that ended a stage is stored."""
+        return stage in self._ends
 
     def finished(self, stage: str) -> StateRecord | None:
         """The state that ended a stage, if it is stored."""

@@ -275,7 +275,10 @@ class _Study:
         return out
 
     def _stored_step(self, current: StateRecord, b: float, visit: int) -> StateRecord | None:
-        for stage, width in self._candidates(current, b, visit):
+        goal = width_name(b, visit)
+        # Most steps were not halved: the names of the halves are made where there was need of them.
+        candidates = [(goal, b)] if self.journal.has(goal) else self._candidates(current, b, visit)
+        for stage, width in candidates:
             record = self.journal.finished(stage)
             if record is not None:
                 self.steps.begin(stage, width, current.segments)

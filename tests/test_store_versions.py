@@ -1,0 +1,107 @@
+"""Files that earlier versions wrote, kept as they were: read, verified, listed, packed and exported."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli_support import ribbon, ribbon_json
+from store_support import relative_files
+
+from ribbon_cli.store import FORMAT_VERSION, Run, decode
+from ribbon_cli.store.folder import RUN_FORMAT_VERSION
+from ribbon_cli.store.preamble import head_version
+from ribbon_cli.study.verification import verify_record
+
+DATA = Path(__file__).parent / "data"
+VERSIONS = sorted(path.name.removeprefix("format-") for path in DATA.glob("format-*"))
+IN_TWO = DATA / "format-1.1" / "in-two-pieces.h5"
+
+
+def frozen(version: str) -> Path:
+    """The run that a version wrote."""
+    (folder,) = (path for path in (DATA / f"format-{version}").iterdir() if path.is_dir())
+    return folder
+
+
+@pytest.fixture(params=VERSIONS)
+def folder(request, tmp_path, monkeypatch) -> Path:
+    """A copy of such a run in ./runs."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("RIBBON_RUNS", raising=False)
+    run = frozen(request.param)
+    shutil.copytree(run, tmp_path / "runs" / run.name)
+    return tmp_path / "runs" / run.name
+
+
+def test_there_is_a_frozen_run_of_every_version_up_to_this_one():
+    assert VERSIONS == ["1.0", "1.1"]
+    assert VERSIONS[-1] == FORMAT_VERSION == RUN_FORMAT_VERSION
+    for version in VERSIONS:
+        heads = {head_version(path.read_bytes()) for path in frozen(version).glob("states/*.h5")}
+        assert heads == {None if version == "1.0" else version}
+
+
+def test_every_state_is_read_and_verified(folder):
+    run = Run.open(folder)
+    for label in run.entries():
+        run.check_file(label)
+    result = ribbon("verify", "all")
+    assert (result.exit_code, result.stdout) == (0, ""), result.output
+    assert len(ribbon_json("ls", run.short_name, "--all")) == len(run.entries())
+
+
+def test_it_is_packed_and_unpacked_to_the_same_bytes(folder):
+    ribbon_json("pack", folder.name, "-o", "shared.h5")
+    ribbon_json("unpack", "shared.h5", "--runs", "other")
+    other = folder.parents[1] / "other" / folder.name
+    names = {name for name in relative_files(folder) if "lock" not in name}
+    assert names == {name for name in relative_files(other) if "lock" not in name}
+    for name in names:
+        assert (folder / name).read_bytes() == (other / name).read_bytes()
+
+
+def test_its_states_are_exported_and_repaired_without_a_log(folder):
+    run = Run.open(folder)
+    last = list(run.entries())[-1]
+    assert ribbon("export", f"{run.short_name}:{last}", "--to", "npz", "-o", "x.npz").exit_code == 0
+    with np.load("x.npz") as archive:
+        np.testing.assert_array_equal(archive["u"], run.load(last).u)
+    before = run.states(all=True)
+    run.log_path.unlink()
+    assert ribbon("repair", run.short_name).exit_code == 0
+    assert Run.open(folder).states(all=True) == before
+    assert ribbon("verify", "all").exit_code == 0
+
+
+def test_what_the_branch_of_1_1_says():
+    record = Run.open(frozen("1.1")).load(2)
+    branch = record.branch
+    assert (branch.name, branch.type, branch.arclength) == ("branch up", "width", 0.01)
+    assert branch.tangent.shape == (8, 7)
+    assert record.energy == 0.3281724411486899
+    assert record.events == ("reached b = 0.11",)
+
+
+def test_what_the_band_in_two_pieces_of_1_1_says():
+    record = decode(IN_TWO)
+    assert (record.cut_node, record.status, record.kind) == (9, "constructed", "auxiliary")
+    np.testing.assert_array_equal(record.g_cut, [0.0, -1.0, 0.0])
+    assert np.flatnonzero(np.isnan(record.kappa_s)).tolist() == [0, 8]
+    assert ribbon("verify", IN_TWO).exit_code == 0
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["u", "g", "xi", "g_cut", "g_end", "midline", "kappa_s", "tau", "eta", "eta_prime", "energy", "cut_node"],
+)
+def test_a_wrong_number_of_a_band_in_two_pieces_is_noticed(name):
+    record = decode(IN_TWO)
+    value = np.array(getattr(record, name))
+    value.flat[value.size // 2 + (name in ("kappa_s", "tau"))] += 1 if name == "cut_node" else 1e-5
+    wrong = replace(record, **{name: value if value.ndim else value.item()})
+    assert verify_record(record) == []
+    assert verify_record(wrong)
