@@ -1,7 +1,7 @@
 """The lines of a shape that stand out: edges, outlines, free ends and marked rulings, where they are seen.
 
-Each is cut into short pieces, and a piece is drawn if no facet lies in front of its middle. They come last and
-whole: in the painter's order neighbours would cover half of a line's width.
+Each is cut into short pieces, and a piece is drawn if no facet lies in front of its middle. They come last
+and whole: in the painter's order neighbours would cover half of a line's width.
 """
 
 from __future__ import annotations
@@ -27,6 +27,10 @@ GREEN = "#00A651"
 """Colour of marked rulings."""
 PIECES = 1600
 """About how many pieces an edge that goes once round is cut into."""
+SPECK = 0.01
+"""Length, relative to the picture's size, below which what is seen of a line is left out: layers that lie
+nearly on each other let such bits through.
+"""
 RULING_PIECES = 48
 """Pieces of a ruling."""
 
@@ -64,7 +68,7 @@ def _edge(flat: Array, side: tuple[int, int], strip: Strip) -> list[Array]:
     for first, last in zip([0, *(i + 1 for i in ends[:-1])], ends, strict=True):
         piece = points[first : last + 1]
         line = np.concatenate((piece[:, :-1].reshape(-1, 3), piece[-1:, -1]))
-        lines += _runs(line[:, :2], seen[first : last + 1].ravel())
+        lines += _runs(line[:, :2], seen[first : last + 1].ravel(), _size(flat))
     return lines
 
 
@@ -72,7 +76,7 @@ def _ruling(flat: Array, ends: Array, owners: tuple[int, int]) -> list[Array]:
     """What is seen of a ruling with these ends (2, 3), as lines (k, 2)."""
     points = _cut(ends[:1], ends[1:], RULING_PIECES)[0]
     middle = 0.5 * (points[1:] + points[:-1])
-    return _runs(points[:, :2], ~hidden(middle, np.tile(owners, (len(middle), 1)), flat))
+    return _runs(points[:, :2], ~hidden(middle, np.tile(owners, (len(middle), 1)), flat), _size(flat))
 
 
 def _cut(start: Array, end: Array, count: int) -> Array:
@@ -82,10 +86,16 @@ def _cut(start: Array, end: Array, count: int) -> Array:
     return points
 
 
-def _runs(line: Array, seen: Flags) -> list[Array]:
-    """The parts of a line (k + 1, 2) whose pieces (k,) are seen."""
+def _runs(line: Array, seen: Flags, size: float) -> list[Array]:
+    """The parts of a line (k + 1, 2) whose pieces (k,) are seen; none shorter than `SPECK` of the size."""
     steps = np.flatnonzero(np.diff(np.concatenate(([0], seen.astype(int), [0]))))
-    return [line[a : b + 1] for a, b in zip(steps[::2].tolist(), steps[1::2].tolist(), strict=True)]
+    runs = [line[a : b + 1] for a, b in zip(steps[::2], steps[1::2], strict=True)]
+    return [run for run in runs if np.linalg.norm(np.diff(run, axis=0), axis=1).sum() >= SPECK * size]
+
+
+def _size(flat: Array) -> float:
+    """The picture's larger extent."""
+    return float(np.ptp(flat[:, :, :2], axis=(0, 1)).max())
 
 
 def _stroke(axes: Axes, lines: Sequence[Array], colour: str, width: float) -> None:
