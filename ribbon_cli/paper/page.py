@@ -33,8 +33,8 @@ def paper_page(
         paragraph(
             f"{len(checks)} claims were checked: {counts[True]} hold, {counts[False]} do not, "
             f"{counts[None]} could not be decided. The thesis names no tolerances; those under “holds if” "
-            "are ours, with the number found beside them. A minimum is one of the discrete energy on its mesh, "
-            "its negative eigenvalues counted exactly, and says nothing of the continuum."
+            "are ours, with the number found beside them. A minimum is one of the discrete energy on its "
+            "mesh, its negative eigenvalues counted exactly, and says nothing of the continuum."
         ),
         heading(2, "Claims that do not hold", "differ"),
         _checks([(name, check) for name, check in checks if check.agrees is False]),
