@@ -10,9 +10,10 @@ import pytest
 from picture_support import solved, states_of  # noqa: F401
 
 from ribbon_cli.export.fields import even_window, field, inflections
-from ribbon_cli.export.mesh import facet_corners, facet_normals
+from ribbon_cli.export.mesh import facet_corners, facet_normals, strip
 from ribbon_cli.export.view import automatic_view, principal_axes, view_along, view_in_axes
-from ribbon_cli.plot.painter import depth_order
+from ribbon_cli.plot.outline import SPECK, _edge
+from ribbon_cli.plot.painter import depth_order, hidden
 from ribbon_cli.plot.shape import _shaded, _sides
 from ribbon_cli.plot.style import SIDES
 from ribbon_cli.store import StateRecord
@@ -202,3 +203,45 @@ def test_inflections_lie_evenly(solved):  # noqa: F811
     assert place == pytest.approx(state.length / 2)
     _, kappa = field(state, "kappa_s", window)
     assert (kappa[2:20] > 0).all()
+
+
+def test_points_behind_a_facet_are_hidden():
+    sheet = rectangle(0.0, 0.0, 1.0, 1.0, 0.0, slope=0.5)
+    other = rectangle(5.0, 0.0, 1.0, 1.0, 0.0)
+    # Behind, in front, beside, and on the sheet that it belongs to.
+    points = np.array([[0.5, 0.0, 0.2], [0.5, 0.0, 0.3], [1.5, 0.0, -1.0], [0.0, 0.0, -1.0]])
+    owners = np.array([[1], [1], [1], [0]])
+    assert hidden(points, owners, np.stack((sheet, other))).tolist() == [True, False, False, False]
+
+
+@pytest.mark.parametrize("name", ["mobius", "ring"])
+def test_edges_are_drawn_where_they_are_seen(name, solved):  # noqa: F811
+    """Against the nearest facet at points of the edges, but for specks that are left out."""
+    state = states_of(solved, name)[-1]
+    corners = facet_corners(state)
+    flat = automatic_view(corners).project(corners - corners.reshape(-1, 3).mean(axis=0))
+    size = float(np.ptp(flat[:, :, :2], axis=(0, 1)).max())
+    for side in ((1, 2), (0, 3)):
+        points = 0.3 * flat[:, side[0]] + 0.7 * flat[:, side[1]]
+        over = [
+            max(
+                (
+                    depth_at(p, q[None, :2])[0]
+                    for j, p in enumerate(flat)
+                    if j != i and inside(p, q[None, :2])[0]
+                ),
+                default=-np.inf,
+            )
+            for i, q in enumerate(points)
+        ]
+        seen = points[:, 2] > np.array(over) - 1e-9
+        lines = _edge(flat, side, strip(state))
+        drawn = np.array([min(_distance(q[:2], line) for line in lines) for q in points]) < 1e-6 * size
+        assert (drawn != seen).mean() <= 2 * SPECK
+
+
+def _distance(point: np.ndarray, line: np.ndarray) -> float:
+    """Distance of a point of the picture from a line of several pieces."""
+    a, d = line[:-1], np.diff(line, axis=0)
+    t = np.clip(((point - a) * d).sum(axis=1) / np.maximum((d**2).sum(axis=1), 1e-300), 0.0, 1.0)
+    return float(np.linalg.norm(a + t[:, None] * d - point, axis=1).min())

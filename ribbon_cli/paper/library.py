@@ -46,6 +46,11 @@ class Library:
         assert label is not None
         return run.load(label)
 
+    def last(self, config: str) -> StateRecord:
+        """The equilibrium or saddle that a config's run stored last."""
+        run = self.run(config)
+        return run.load([s["label"] for s in run.states(all=True) if s["kind"] != "auxiliary"][-1])
+
     def stage(self, config: str, stage: str) -> StateRecord:
         """The state that a stage of a config's run stored last. Raises RibbonError where there is none."""
         run = self.run(config)

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 TOUCHING = 1e-9
 """Depth, relative to the picture's size, below which two facets meet and neither is before the other."""
+IN_FRONT = 1e-6
+"""Depth, relative to the picture's size, by which a facet must be in front of a line to hide it."""
 _CHUNK = 40_000
 
 
@@ -32,6 +34,23 @@ def depth_order(polygons: Array) -> tuple[Indices, Indices]:
     behind, front = _relations(polygons)
     covered = np.bincount(behind, minlength=len(polygons))
     return _sorted(polygons[:, :, 2].mean(axis=1), behind, front), covered
+
+
+def hidden(points: Array, owners: Indices, polygons: Array) -> NDArray[np.bool_]:
+    """Which points (n, 3) lie behind one of the convex polygons (m, k, 3), other than those they belong to.
+
+    `owners` (n, j) are each point's own polygons.
+    """
+    size = float(np.ptp(polygons[:, :, :2], axis=(0, 1)).max())
+    low, high = polygons[:, :, :2].min(axis=1), polygons[:, :, :2].max(axis=1)
+    planes = _planes(polygons)
+    covered = np.zeros(len(points), dtype=bool)
+    for j, polygon in enumerate(polygons):
+        close = (points[:, :2] > low[j]).all(axis=1) & (points[:, :2] < high[j]).all(axis=1)
+        at = np.flatnonzero(close & ~covered & (owners != j).all(axis=1))
+        inside = _inside(points[None, at, :2], polygon[None, :, :2])[0]
+        covered[at] = inside & (_depth(planes[j], points[at]) - points[at, 2] > IN_FRONT * size)
+    return covered
 
 
 def _relations(polygons: Array) -> tuple[Indices, Indices]:
@@ -77,8 +96,8 @@ def _planes(polygons: Array) -> Array:
 
 
 def _depth(planes: Array, points: Array) -> Array:
-    """Depth (n,) of planes (n, 3) above points (n, 2) of the picture."""
-    depth: Array = planes[:, 0] + planes[:, 1] * points[:, 0] + planes[:, 2] * points[:, 1]
+    """Depth (n,) of planes (n, 3), or of one (3,), above points (n, 2) of the picture."""
+    depth: Array = planes[..., 0] + planes[..., 1] * points[:, 0] + planes[..., 2] * points[:, 1]
     return depth
 
 

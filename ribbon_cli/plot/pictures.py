@@ -60,6 +60,10 @@ def scale_bar(axes: Axes, style: Style) -> None:
     axes.set_ylim(low - 1.7 * drop, high)
 
 
+PAD = 0.05
+"""Room about a panel, in inches: matplotlib leaves 3 points and a little between panels."""
+
+
 @dataclass(frozen=True)
 class Panel:
     """A shape in a row: its title, and numbers from 1 of the nodes whose rulings are marked."""
@@ -86,21 +90,24 @@ def shapes_figure(
     corners = [facet_corners(panel.record) for panel in panels]
     views = _common_views(corners, angles) if aligned else [_view(item, angles) for item in corners]
     boxes = [np.ptp(view.project(c)[..., :2], axis=(0, 1)) for view, c in zip(views, corners, strict=True)]
-    wide, high = np.max(boxes, axis=0)
     columns = len(panels) if len(panels) <= 5 else math.ceil(len(panels) / math.ceil(len(panels) / 4))
     rows = math.ceil(len(panels) / columns)
     width = style.width if columns > 1 else 0.6 * style.width
-    titles = 2.6 * style.font / 72 if any(panel.title for panel in panels) else 0.0
-    height = rows * (width / columns * min(1.3, high / wide) + titles) + 0.03 * style.width
+    titles = 2.3 * style.font / 72 if any(panel.title for panel in panels) else 0.0
+    high = [max(float(box[1]) for box in boxes[k * columns : (k + 1) * columns]) for k in range(rows)]
+    # One scale everywhere; each row is as high as its highest shape, and none far higher than wide.
+    wide = max(*(float(box[0]) for box in boxes), max(high) / 1.3, 0.0)
+    inner = width / columns - 2 * PAD
+    height = sum(inner * h / wide + titles + 2 * PAD for h in high)
     figure = Figure(figsize=(width, height), layout="constrained")
-    places = figure.subplots(rows, columns, squeeze=False).ravel()
+    places = figure.subplots(rows, columns, squeeze=False, gridspec_kw={"height_ratios": high}).ravel()
     for axes in places[len(panels) :]:
         axes.axis("off")
     # In a smaller picture fewer rulings are told apart.
     rulings = RULINGS if columns == 1 else max(24, round(1.5 * RULINGS / columns))
-    for axes, panel, view in zip(places, panels, views, strict=False):
+    for k, (axes, panel, view) in enumerate(zip(places, panels, views, strict=False)):
         draw_shape(axes, panel.record, style, view, panel.marked, rulings)
-        _same_scale(axes, 1.03 * wide, 1.03 * high)
+        _same_scale(axes, 1.03 * wide, 1.03 * high[k // columns])
         axes.set_title(panel.title)
     return figure
 

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ribbon_cli.export.mesh import Strip, facet_corners, facet_normals, strip
+from ribbon_cli.export.mesh import facet_corners, facet_normals, strip
 from ribbon_cli.export.view import View, automatic_view
+from ribbon_cli.plot.outline import draw_lines
 from ribbon_cli.plot.painter import depth_order
 from ribbon_cli.plot.style import INK, SIDES, Style
 
@@ -49,7 +50,13 @@ def draw_shape(
     facing = normals @ view.eye
     side = _sides(facing, covered, record.sigma if pieces.closed else 1, flat, like)
     colours = _shaded(side, np.abs(normals @ view.light))
-    _paint(axes, flat, order, colours, facing, pieces, record.sigma, style, marked, rulings)
+    n = len(flat)
+    outline = _turning(facing > 0, record.sigma)
+    outline[list(pieces.first)] = True
+    green = np.isin(np.arange(1, n + 1), marked)
+    drawn = (np.arange(n) % max(1, -(-n // rulings)) == 0) & ~outline & ~green
+    _paint(axes, flat, order, colours, style, drawn)
+    draw_lines(axes, flat, pieces, outline, green, style)
     _frame(axes, flat)
     return view
 
@@ -104,6 +111,15 @@ def _coloured(first: bool, turns: NDArray[np.int64], kept: int, count: int) -> N
     return side
 
 
+def _turning(front: NDArray[np.bool_], sigma: int) -> NDArray[np.bool_]:
+    """At which rulings (N,) the surface turns over in the picture; at the seam a one-sided band changes
+    names.
+    """
+    turning = np.append(False, front[1:] != front[:-1])
+    turning[0] = (front[0] == front[-1]) == (sigma < 0)
+    return turning
+
+
 def _shaded(side: NDArray[np.bool_], light: Array) -> Array:
     """Colours (N, 3): Lambert's law with |n.l|, on top of even light."""
     from matplotlib.colors import to_rgb
@@ -118,37 +134,19 @@ def _paint(
     flat: Array,
     order: NDArray[np.int64],
     colours: Array,
-    facing: Array,
-    pieces: Strip,
-    sigma: int,
     style: Style,
-    marked: tuple[int, ...],
-    rulings: int,
+    drawn: NDArray[np.bool_],
 ) -> None:
-    """One collection for everything: each facet, then its lines, so that nearer facets cover them."""
+    """One collection for facets and the rulings `drawn` (N,) on them, so that nearer facets cover both."""
     from matplotlib.collections import PolyCollection
     from matplotlib.colors import to_rgba
 
     n = len(flat)
-    step = max(1, -(-n // rulings))
-    front = facing > 0
-    outline = np.append(False, front[1:] != front[:-1])
-    outline[0] = (front[0] == front[-1]) == (sigma < 0)
-    outline[list(pieces.first)] = True
-    ink, thin, none = to_rgba(INK), to_rgba(INK, 0.45), (0.0, 0.0, 0.0, 0.0)
-    green = to_rgba("#00A651")
-    thick, edge = 2.4 * style.line, 0.75 * style.line
+    thin, none = to_rgba(INK, 0.45), (0.0, 0.0, 0.0, 0.0)
     vertices: list[Array] = []
     faces: list[Any] = []
     lines: list[Any] = []
     widths: list[float] = []
-
-    def stroke(points: Array, colour: Any, width: float) -> None:
-        vertices.append(points)
-        faces.append(none)
-        lines.append(colour)
-        widths.append(width)
-
     picture = flat[:, :, :2]
     for i in order.tolist():
         colour = (*colours[i], 1.0)
@@ -157,15 +155,12 @@ def _paint(
         # A facet's own colour covers the hairline that viewers leave between neighbours.
         lines.append(colour)
         widths.append(0.3)
-        for k, ends, free in ((i, picture[i, :2], False), ((i + 1) % n, picture[i, 2:], i in pieces.last)):
-            if k + 1 in marked:
-                stroke(ends, green, thick)
-            elif outline[k] or free:
-                stroke(ends, ink, edge)
-            elif k % step == 0:
-                stroke(ends, thin, style.thin)
-        stroke(picture[i, 1:3], ink, edge)
-        stroke(picture[i][[3, 0]], ink, edge)
+        for k, ends in ((i, picture[i, :2]), ((i + 1) % n, picture[i, 2:])):
+            if drawn[k]:
+                vertices.append(ends)
+                faces.append(none)
+                lines.append(thin)
+                widths.append(style.thin)
     axes.add_collection(
         PolyCollection(
             vertices,
