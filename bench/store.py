@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import resource
 import statistics
 import subprocess
 import sys
@@ -52,25 +54,32 @@ def make_run(folder: Path, states: int = STATES) -> Run:
     return run
 
 
-def seconds(folder: Path, *words: str, repeats: int = REPEATS) -> float:
-    """Median time of a command line, from the start of Python to its end."""
-    times = []
+def processor() -> float:
+    """Seconds of processor that children took so far."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
+def seconds(folder: Path, *words: str, repeats: int = REPEATS) -> tuple[float, float]:
+    """Median time of a command line from the start of Python to its end, and of processor in it."""
+    times, busy = [], []
     for _ in range(repeats):
-        started = time.perf_counter()
+        started, before = time.perf_counter(), processor()
         done = subprocess.run(
             [sys.executable, "-m", "ribbon_cli", *words], cwd=folder, capture_output=True, check=False
         )
         times.append(time.perf_counter() - started)
+        busy.append(processor() - before)
         if done.returncode:
             raise RuntimeError(f"{words}: exit code {done.returncode}: {done.stderr.decode()[-300:]}")
-    return statistics.median(times)
+    return statistics.median(times), statistics.median(busy)
 
 
-def measure(folder: Path, states: int = STATES) -> list[tuple[str, float, float | None]]:
-    """Rows of (what, seconds, limit)."""
+def measure(folder: Path, states: int = STATES) -> list[tuple[str, tuple[float, float], float | None]]:
+    """Rows of (what, (seconds, seconds of processor), limit)."""
     run = make_run(folder, states)
     last = f"big:{states}"
-    rows: list[tuple[str, float, float | None]] = [
+    rows: list[tuple[str, tuple[float, float], float | None]] = [
         ("start of Python and nothing else (`ribbon --version`)", seconds(folder, "--version"), None),
         ("`ribbon ls`", seconds(folder, "ls"), 1.0),
         ("`ribbon ls RUN`, every file's hash compared", seconds(folder, "ls", "big"), 1.0),
@@ -85,19 +94,21 @@ def measure(folder: Path, states: int = STATES) -> list[tuple[str, float, float 
 
 def main() -> None:
     """Measure, and write the page."""
+    load = os.getloadavg()[0]
     with tempfile.TemporaryDirectory() as name:
         rows = measure(Path(name))
     lines = [
         "# Benchmarks of the store",
         "",
         f"A finished run of {STATES} states of some 40 kB each, in the file system's cache. Median seconds",
-        "of whole processes, written by `make bench`.",
+        f"of whole processes, by `make bench` at a load of {load:.1f} on {os.cpu_count()} processors;",
+        "where the load is above their number, the seconds of processor tell more.",
         "",
-        "| command | seconds | limit |",
-        "|---|---|---|",
+        "| command | seconds | of processor | limit |",
+        "|---|---|---|---|",
     ]
-    for what, took, most in rows:
-        lines.append(f"| {what} | {took:.2f} | {'' if most is None else f'{most:g}'} |")
+    for what, (took, busy), most in rows:
+        lines.append(f"| {what} | {took:.2f} | {busy:.2f} | {'' if most is None else f'{most:g}'} |")
     DOCUMENT.write_text("\n".join(lines) + "\n", encoding="utf-8")
     sys.stdout.write("\n".join(lines) + "\n")
 
