@@ -206,7 +206,9 @@ def test_convergence_table_formats(folder, style, start):
     result = ribbon("convergence-table", "mob", "--format", style, "-o", "table")
     assert (result.exit_code, result.stdout, result.stderr) == (0, "", "wrote table\n")
     assert (folder / "table").read_text() == text
-    assert ribbon("convergence-table", "mob", "--format", style, "-o", "table", "-q").stderr == ""
+    assert ribbon("convergence-table", "mob", "--format", style, "-o", "table", "-q").exit_code == 2
+    again = ribbon("convergence-table", "mob", "--format", style, "-o", "table", "--overwrite", "-q")
+    assert (again.exit_code, again.stderr) == (0, "")
 
 
 def test_convergence_table_beside_the_thesis(folder):

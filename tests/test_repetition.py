@@ -79,7 +79,8 @@ def test_the_sliding_branch_is_closed(tmp_path):
     main, plus, minus = ribbon_json("show", "slide", *options)["branches"]
     assert (main["reason"], main["half_width"]) == ("range", 1.23)
     for side in (plus, minus):
-        assert side["reason"] == "closed"
+        assert side["reason"] == "step-too-small"
+        assert side["message"].startswith("The branch is closed")
         turning = [p["half_width"] for p in side["points"] if p["type"] in ("fold", "branch-point")]
         assert turning == pytest.approx([1.216085412, 1.215923131, 1.216085412], abs=2e-9)
         assert all(abs(p["linking_number"] + 0.5) < 1e-6 for p in side["points"])

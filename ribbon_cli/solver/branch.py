@@ -36,7 +36,7 @@ SHRINK, GROW = 0.5, 2.0
 
 
 class Reason(Enum):
-    """Why a branch ends; `value` is the word that is stored, `sentence` what a user reads."""
+    """Why a branch ends; `word` is what is stored, `sentence` what a user reads."""
 
     RANGE = "range"
     FOLD = "fold"
@@ -45,6 +45,11 @@ class Reason(Enum):
     STEP_TOO_SMALL = "step-too-small"
     STEPS = "steps"
     CLOSED = "closed"
+
+    @property
+    def word(self) -> str:
+        """One of five words: a branch that has no further step to take, for whatever cause, shares one."""
+        return Reason.STEP_TOO_SMALL.value if self in (Reason.STEPS, Reason.CLOSED) else self.value
 
     @property
     def sentence(self) -> str:

@@ -256,7 +256,7 @@ class Branches:
             name,
             start.label,
             points,
-            end.reason.value,
+            end.reason.word,
             end.half_width,
             f"{end.reason.sentence} {end.detail}".strip(),
         )

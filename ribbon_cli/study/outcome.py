@@ -63,7 +63,7 @@ class Course:
     @property
     def failed(self) -> bool:
         """Whether the branch ends without coming to its range's end or to an event it was to stop at."""
-        return self.reason in ("step-too-small", "steps", "closed")
+        return self.reason == "step-too-small"
 
 
 @dataclass(frozen=True)
