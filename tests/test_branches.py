@@ -169,9 +169,10 @@ def test_continue_from_a_saddle(given):
 
 
 def test_natural_continuation_stops_before_the_fold(given):
-    """It keeps its last good state, and says what would go on."""
+    """It keeps its last good state, and says what it met and what would go on."""
     document = ribbon_json("continue", "one:1", "--to", "0.2", *given, code=3)
     assert document["end"]["reason"] == "step-too-small"
+    assert "seems to turn back (fold) near b = 0.112" in document["end"]["message"]
     assert "--arclength goes on around folds" in document["end"]["message"]
     assert document["end"]["half_width"] < FOLD
     assert document["points"][-1]["half_width"] == document["end"]["half_width"] > 0.11

@@ -27,6 +27,7 @@ class Natural:
         self.steps, self.journal = steps, steps.journal
         self.request, self.start = request, start
         self.met: list[tuple[StateRecord, str]] = []
+        self.beyond: list[float] = []
 
     def follow(self, name: str) -> Course:
         """Reach the widths `at` on the way and `to`; the course ends with the first that is not reached."""
@@ -53,7 +54,9 @@ class Natural:
             following = self._step(name, current, aim, "equilibrium" if aim == b else "intermediate")
             if isinstance(following, str):
                 if abs(aim - current.half_width) <= abs(b - self.start.half_width) / 2**MOST_HALVINGS:
-                    return current, End(Reason.STEP_TOO_SMALL, current.half_width, _hint(following))
+                    return current, End(
+                        Reason.STEP_TOO_SMALL, current.half_width, self._hint(current, following)
+                    )
                 step = 0.5 * (aim - current.half_width)
                 continue
             if following.self_contact and not current.self_contact:
@@ -80,6 +83,14 @@ class Natural:
         self.met.append((high, "contact"))
         return high, End(Reason.CONTACT, high.half_width)
 
+    def _hint(self, current: StateRecord, why: str) -> str:
+        """Why no step succeeds: a fold, if another branch was met beyond."""
+        if self.beyond:
+            nearest = min(self.beyond, key=lambda b: abs(b - current.half_width))
+            near = 0.5 * (current.half_width + nearest)
+            why = f"The branch seems to turn back (fold) near b = {near:.6g}: {why}"
+        return f"{why} --arclength goes on around folds and past losses of stability, and locates them."
+
     def _step(self, name: str, current: StateRecord, b: float, kind: str) -> StateRecord | str:
         """A minimum at a width, stored or computed from the state before it; a sentence if there is none."""
         stage = f"{name}, b = {b:.17g}"
@@ -91,14 +102,11 @@ class Natural:
         move = to_width(state_of(current), multipliers_of(current), b, self.steps.options)
         result = self.steps.checked(Problem(move.band), move.result)
         if result.status is not Status.MINIMUM:
+            self.beyond += [b] if result.status is Status.LEFT_BRANCH else []
             why = f"a step from b = {current.half_width:.12g} to {b:.12g} failed: {result.message}"
             self.journal.note(f"{name}: {why}")
             return why
         return self.steps.store_move(move, result, clock, kind=kind, stage=stage, parent=current.label)
-
-
-def _hint(why: str) -> str:
-    return f"{why} --arclength goes on around folds and past losses of stability, and locates them."
 
 
 def _point(record: StateRecord, kind: str) -> CoursePoint:
