@@ -62,7 +62,7 @@ test: $(READY_DEV) ## run the whole test suite
 test-minimum: $(MINIMUM)/ready ## run the quick tests on the lowest supported versions
 	@$(MINIMUM)/bin/python -m pytest -m "not slow" \
 		--ignore=tests/test_resume.py --ignore=tests/test_study.py --ignore=tests/test_table_3_1.py \
-		--ignore=tests/test_export_formats.py
+		--ignore=tests/test_export_formats.py --ignore=tests/test_export_bands.py
 
 test-browser: $(READY_DEV) ## open the HTML viewer in headless Chromium (apt install chromium)
 	@$(BIN)/python -m pytest -m browser tests/browser
