@@ -10,7 +10,7 @@ from pathlib import Path
 
 import click
 import pytest
-from cli_support import COMMAND, environment, ribbon, run
+from cli_support import COMMAND, QUICK_RING, environment, ribbon, run
 from store_support import make_run
 
 from ribbon_cli import errors
@@ -60,6 +60,21 @@ def test_the_entry_point_imports_nothing_heavy():
         "sys.exit(str(sorted(heavy & sys.modules.keys())) if heavy & sys.modules.keys() else 0)"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_a_finished_run_loads_no_solver_libraries(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("ring.yaml").write_text(QUICK_RING)
+    assert ribbon("solve", "ring.yaml", "-q").exit_code == 0
+    code = (
+        "import sys\n"
+        "from ribbon_cli.cli.main import cli\n"
+        "try: cli.main(['solve', 'ring.yaml', '-q'])\n"
+        "except SystemExit as left: assert not left.code\n"
+        "heavy = {'scipy.sparse', 'scipy.linalg', 'scipy.interpolate', 'h5py', 'matplotlib'}\n"
+        "sys.exit(str(sorted(heavy & sys.modules.keys())) if heavy & sys.modules.keys() else 0)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, stdout=subprocess.DEVNULL)
 
 
 def test_blas_has_one_thread_whatever_the_environment_says():

@@ -24,15 +24,12 @@ _LEFT = frozenset(
 
 def columns(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """Aligned columns under `heads`, two spaces apart."""
-    lines = [list(heads), *map(list, rows)]
-    widths = [max(len(line[k]) for line in lines) for k in range(len(heads))]
-    text = []
-    for line in lines:
-        cells = (
-            cell.ljust(width) if head in _LEFT else cell.rjust(width)
-            for head, cell, width in zip(heads, line, widths, strict=True)
-        )
-        text.append("  ".join(cells).rstrip())
+    lines = [tuple(heads), *map(tuple, rows)]
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    form = "  ".join(
+        f"{{:{'<' if head in _LEFT else '>'}{width}}}" for head, width in zip(heads, widths, strict=True)
+    )
+    text = [form.format(*line).rstrip() for line in lines]
     return "\n".join(text)
 
 

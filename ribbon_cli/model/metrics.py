@@ -13,7 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import sparse
+import scipy
 
 from .band import Array, Band, State
 
@@ -28,7 +28,7 @@ class Metric:
 
     name: str
     formula: str
-    matrix: Callable[[State], sparse.csr_matrix]
+    matrix: Callable[[State], scipy.sparse.csr_matrix]
     unit: Callable[[Band], float]
 
 
@@ -37,17 +37,17 @@ def _bending(band: Band) -> float:
     return band.half_width * (2.0 * math.pi / band.length) ** 2
 
 
-def _euclidean(state: State) -> sparse.csr_matrix:
-    return sparse.identity(7 * state.band.segments, format="csr")
+def _euclidean(state: State) -> scipy.sparse.csr_matrix:
+    return scipy.sparse.identity(7 * state.band.segments, format="csr")
 
 
-def _physical(state: State) -> sparse.csr_matrix:
+def _physical(state: State) -> scipy.sparse.csr_matrix:
     weights = np.full((state.band.segments, 7), state.band.h)
     weights[:, 6] = 0.0
-    return sparse.diags(weights.ravel()).tocsr()
+    return scipy.sparse.diags(weights.ravel()).tocsr()
 
 
-def folding_differential(state: State) -> sparse.csr_matrix:
+def folding_differential(state: State) -> scipy.sparse.csr_matrix:
     """Derivative (2N, 7N) of kappa_1..kappa_N, eta_1..eta_N in (u, g, xi).
 
     kappa_i = g_i.(u_{i-1} x u_i) / h is (3.1) with the fold angle's sine for the angle; eta_i = u_i.g_i.
@@ -68,10 +68,10 @@ def folding_differential(state: State) -> sparse.csr_matrix:
     rows = np.concatenate([np.repeat(row, 3) for row, _, _ in parts])
     columns = np.concatenate([(column[:, None] + xyz).ravel() for _, column, _ in parts])
     values = np.concatenate([value.ravel() for _, _, value in parts])
-    return sparse.csr_matrix((values, (rows, columns)), shape=(2 * n, 7 * n))
+    return scipy.sparse.csr_matrix((values, (rows, columns)), shape=(2 * n, 7 * n))
 
 
-def _folding(state: State) -> sparse.csr_matrix:
+def _folding(state: State) -> scipy.sparse.csr_matrix:
     derivative = folding_differential(state)
     return (state.band.h * (derivative.T @ derivative)).tocsr()
 
@@ -104,7 +104,7 @@ def metric_named(name: str) -> Metric:
     return METRICS[name]
 
 
-def lengths(mass: sparse.csr_matrix, vectors: Array) -> Array:
+def lengths(mass: scipy.sparse.csr_matrix, vectors: Array) -> Array:
     """Lengths (k,) of moves (7N, k) in the metric `mass` (7N, 7N)."""
     out: Array = np.sqrt(np.maximum(np.einsum("ij,ij->j", vectors, mass @ vectors), 0.0))
     return out

@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import sparse
 
 from .band import Array, Band, State
 from .constraints import (
@@ -248,21 +248,21 @@ class Problem:
             (self.size + 3, self.size + 3),
         )
 
-    def jacobian(self, x: Array) -> sparse.csc_matrix:
+    def jacobian(self, x: Array) -> scipy.sparse.csc_matrix:
         """Weighted constraint Jacobian (5N+3, 7N), sparse."""
         return self.jacobian_matrix(self.local_derivatives(x, np.zeros(self.rows)))
 
-    def jacobian_matrix(self, local: LocalDerivatives) -> sparse.csc_matrix:
+    def jacobian_matrix(self, local: LocalDerivatives) -> scipy.sparse.csc_matrix:
         """Assemble the weighted Jacobian (5N+3, 7N) from local derivatives."""
         closing = np.full(CLOSURE * self.band.segments, self.band.h)
         values = np.concatenate((local.jacobian_entries(), closing))
         return self._jacobian_scatter.matrix(values)[:, : self.size]
 
-    def hessian(self, x: Array, multipliers: Array) -> sparse.csc_matrix:
+    def hessian(self, x: Array, multipliers: Array) -> scipy.sparse.csc_matrix:
         """Hessian (7N, 7N) of the Lagrangian, (2.55), sparse and symmetric."""
         return self.hessian_matrix(self.local_derivatives(x, multipliers))
 
-    def hessian_matrix(self, local: LocalDerivatives) -> sparse.csc_matrix:
+    def hessian_matrix(self, local: LocalDerivatives) -> scipy.sparse.csc_matrix:
         """Assemble the Lagrangian's Hessian (7N, 7N) from local derivatives."""
         off = local.hessian[HESSIAN_ROWS, HESSIAN_COLUMNS][HESSIAN_ROWS != HESSIAN_COLUMNS].ravel()
         values = np.concatenate((local.hessian_entries(), off))

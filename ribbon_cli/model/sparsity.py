@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import sparse
 
 from .band import Array
 
@@ -37,6 +37,6 @@ class Scatter:
             np.float64, copy=False
         )
 
-    def matrix(self, values: Array) -> sparse.csc_matrix:
+    def matrix(self, values: Array) -> scipy.sparse.csc_matrix:
         """Return the filled CSC matrix."""
-        return sparse.csc_matrix((self.data(values), self.indices, self.indptr), shape=self.shape)
+        return scipy.sparse.csc_matrix((self.data(values), self.indices, self.indptr), shape=self.shape)

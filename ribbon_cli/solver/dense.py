@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import linalg
+import scipy
 
 from ..model.band import Array
 from ..model.problem import LocalDerivatives, Problem
@@ -44,13 +44,13 @@ class DenseModel:
         count = self.normals.shape[0]
         if not (np.isfinite(self.normals).all() and np.isfinite(local.hessian).all()):
             raise FactorisationError("the derivatives are not finite")
-        q, r = linalg.qr(self.normals.T)
+        q, r = scipy.linalg.qr(self.normals.T)
         pivots = np.abs(np.diag(r))
         if pivots.min() <= self.normals.size * np.finfo(float).eps * pivots.max():
             raise FactorisationError("the constraints are linearly dependent")
         self.range, self.basis, self._triangle = q[:, :count], q[:, count:], r[:count]
         self.hessian = problem.hessian_matrix(local).toarray()
-        self.values, y = linalg.eigh(self.basis.T @ self.hessian @ self.basis)
+        self.values, y = scipy.linalg.eigh(self.basis.T @ self.hessian @ self.basis)
         self.vectors = self.basis @ y
         self._absolute = (y * np.abs(self.values)) @ y.T
 
@@ -70,21 +70,21 @@ class DenseModel:
         rhs = np.zeros(n + k)
         rhs[:n] = -self.local.gradient
         rhs[n : n + self.problem.rows] = -self.local.constraints
-        factors = linalg.lu_factor(matrix)
-        z = linalg.lu_solve(factors, rhs)
-        z = z + linalg.lu_solve(factors, rhs - matrix @ z)
+        factors = scipy.linalg.lu_factor(matrix)
+        z = scipy.linalg.lu_solve(factors, rhs)
+        z = z + scipy.linalg.lu_solve(factors, rhs - matrix @ z)
         return z[:n], -z[n : n + self.problem.rows]
 
     def least_multipliers(self) -> Array:
         """Multipliers (5N+3,) that minimise |grad f - A^T lambda|, in the Euclidean metric."""
-        out: Array = linalg.solve_triangular(self._triangle, self.range.T @ self.local.gradient)
+        out: Array = scipy.linalg.solve_triangular(self._triangle, self.range.T @ self.local.gradient)
         return out[: self.problem.rows]
 
     def correction(self, constraints: Array) -> Array:
         """The least move (7N,) that takes off weighted constraint values (5N+3,), to first order."""
         rhs = np.zeros(self.normals.shape[0])
         rhs[: self.problem.rows] = -constraints
-        out: Array = self.range @ linalg.solve_triangular(self._triangle, rhs, trans="T")
+        out: Array = self.range @ scipy.linalg.solve_triangular(self._triangle, rhs, trans="T")
         return out
 
 

@@ -11,8 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import sparse
 
 from ..model.band import Array
 from .kkt import BLOCK, KKTMatrix
@@ -80,7 +80,7 @@ class NodeMetric:
     Raises ValueError for a matrix that couples nodes farther apart.
     """
 
-    def __init__(self, mass: sparse.spmatrix) -> None:
+    def __init__(self, mass: scipy.sparse.spmatrix) -> None:
         entries = mass.tocoo()
         n = mass.shape[0] // 7
         row, column = np.divmod(entries.row, 7), np.divmod(entries.col, 7)

@@ -13,8 +13,8 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 import qdldl
+import scipy
 from numpy.typing import NDArray
-from scipy import sparse
 
 from ..model.band import Array, Band
 from ..model.constraints import PER_NODE
@@ -44,8 +44,8 @@ class Pattern:
 
     upper: Scatter
     diagonal: NDArray[np.int64]
-    upper_matrix: sparse.csc_matrix
-    whole_matrix: sparse.csr_matrix
+    upper_matrix: scipy.sparse.csc_matrix
+    whole_matrix: scipy.sparse.csr_matrix
     whole_source: NDArray[np.int64]
     idle: list[qdldl.Solver] = field(default_factory=list)
 
@@ -82,14 +82,16 @@ def _pattern(segments: int, open_seam: bool, rotations: int) -> Pattern:
     )
     order = np.lexsort((column, row))
     indptr = np.searchsorted(row[order], np.arange(total + 1))
-    whole = sparse.csr_matrix(
+    whole = scipy.sparse.csr_matrix(
         (np.zeros(order.size), column[order].astype(np.int32), indptr.astype(np.int32)), shape=upper.shape
     )
-    empty = sparse.csc_matrix((np.zeros(upper.indices.size), upper.indices, upper.indptr), shape=upper.shape)
+    empty = scipy.sparse.csc_matrix(
+        (np.zeros(upper.indices.size), upper.indices, upper.indptr), shape=upper.shape
+    )
     return Pattern(upper, diagonal, empty, whole, place[order])
 
 
-def _filled(like: sparse.spmatrix, data: Array) -> sparse.spmatrix:
+def _filled(like: scipy.sparse.spmatrix, data: Array) -> scipy.sparse.spmatrix:
     """A matrix of the same pattern, unchecked: scipy's constructors take longer than a product at N = 100."""
     out = copy(like)
     out.data = data
@@ -204,7 +206,7 @@ class KKTMatrix:
         out: Array = self.whole @ v
         return out
 
-    def regularised(self, shift: float, delta: float) -> sparse.csc_matrix:
+    def regularised(self, shift: float, delta: float) -> scipy.sparse.csc_matrix:
         """Upper triangle of K - shift (on x, unscaled metric) - delta (on multipliers, scaled)."""
         data = self.upper.data.copy()
         diagonal = self.pattern.diagonal

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from scipy import linalg, sparse
+import scipy
 
 from ..model.band import Array
 from ..model.metrics import lengths
@@ -31,7 +31,7 @@ def fixed_block(size: int, columns: int, seed: int = 0) -> Array:
 class _Basis:
     """Vectors orthonormal in a metric, kept as rows."""
 
-    def __init__(self, mass: sparse.csr_matrix, limit: int) -> None:
+    def __init__(self, mass: scipy.sparse.csr_matrix, limit: int) -> None:
         self.mass, self.count = mass, 0
         self.rows = np.empty((limit, mass.shape[0]))
 
@@ -62,7 +62,7 @@ class _Basis:
 
 def largest_eigenpairs(
     apply: Callable[[Array], Array],
-    mass: sparse.csr_matrix,
+    mass: scipy.sparse.csr_matrix,
     count: int,
     *,
     dimension: int,
@@ -96,7 +96,7 @@ def largest_eigenpairs(
         exhausted = last - held >= dimension or basis.count == last
         if exhausted or (step % CHECK_EVERY == 0 and last - held > count):
             inner = slice(held, last)
-            values, y = linalg.eigh(projected[inner, inner])
+            values, y = scipy.linalg.eigh(projected[inner, inner])
             values, y = values[::-1][:count], y[:, ::-1][:, :count]
             # What leaves the span couples to the newest vectors alone, and bounds the Ritz pairs' residuals.
             residuals = basis.left @ np.abs(y[first - last :])

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from scipy import sparse
+import scipy
 
 from ..model.band import Array
 from ..model.metrics import Metric
@@ -44,7 +44,7 @@ class Pencil:
         self.hessian = problem.hessian_matrix(local)
         mass = metric.matrix(problem.state(x))
         if problem.fixed.any():
-            moves = sparse.diags((~problem.fixed).astype(np.float64))
+            moves = scipy.sparse.diags((~problem.fixed).astype(np.float64))
             mass = (moves @ mass @ moves).tocsr()
         self.mass = mass
         self._nodes = NodeMetric(mass)
@@ -142,7 +142,7 @@ class _Inverse:
     def __init__(
         self,
         matrix: KKTMatrix,
-        mass: sparse.csr_matrix,
+        mass: scipy.sparse.csr_matrix,
         shift: float,
         blocks: BlockReduction,
         refinements: int = REFINEMENTS,

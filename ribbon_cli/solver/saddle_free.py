@@ -14,7 +14,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import linalg
+import scipy
 
 from ..model.band import Array
 from ..model.constraints import PER_NODE
@@ -199,7 +199,7 @@ def _lanczos(
             image = image - (known @ image) @ known
         beside[j] = np.linalg.norm(image)
         if j >= count and (j - count) % every == every - 1:
-            values, y = linalg.eigh_tridiagonal(
+            values, y = scipy.linalg.eigh_tridiagonal(
                 diagonal[: j + 1], beside[:j], select="i", select_range=(j + 1 - count, j), check_finite=False
             )
             if (beside[j] * np.abs(y[-1]) <= tolerance * np.abs(values)).all():
@@ -312,11 +312,11 @@ def null_space(problem: Problem, local: LocalDerivatives, rotations: Array) -> A
     rows = problem.jacobian_matrix(local).toarray()
     held = np.eye(problem.size)[problem.fixed]
     normals = np.vstack((rows, rotations.T, held)).T
-    (qr, tau), _ = linalg.qr(normals, mode="raw", check_finite=False)
+    (qr, tau), _ = scipy.linalg.qr(normals, mode="raw", check_finite=False)
     rank = normals.shape[1]
     basis = np.zeros((problem.size, problem.size - rank), order="F")
     basis[np.arange(rank, problem.size), np.arange(problem.size - rank)] = 1.0
-    multiply = linalg.get_lapack_funcs("ormqr", (qr,))
+    multiply = scipy.linalg.get_lapack_funcs("ormqr", (qr,))
     work = int(multiply("L", "N", qr, tau, basis, -1)[1][0])
     out: Array = multiply("L", "N", qr[:, :rank], tau, basis, work)[0]
     return out
@@ -329,12 +329,12 @@ def dense_negative_eigenpairs(
     rotations = matrix.rotations
     basis = null_space(problem, local, rotations)
     hessian = problem.hessian_matrix(local)
-    values, y = linalg.eigh(basis.T @ (hessian @ basis))
+    values, y = scipy.linalg.eigh(basis.T @ (hessian @ basis))
     keep = values < 0
     if not keep.any():
         return values[keep], basis @ y[:, keep], np.empty((problem.rows, 0))
     vectors = basis @ y[:, keep]
     excess = hessian @ vectors - vectors * values[keep]
     rows = np.vstack((problem.jacobian_matrix(local).toarray(), rotations.T))
-    nu = linalg.lstsq(rows.T, excess)[0][: problem.rows]
+    nu = scipy.linalg.lstsq(rows.T, excess)[0][: problem.rows]
     return values[keep], vectors, nu

@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import linalg, sparse
+import scipy
 
 from ..model.band import Array, Discretisation
 from ..model.metrics import lengths, metric_named
@@ -65,7 +65,7 @@ def sliding_tangent(problem: Problem, x: Array) -> Array:
     return out
 
 
-def sliding_covector(problem: Problem, x: Array, mass: sparse.csr_matrix, rotations: Array) -> Array:
+def sliding_covector(problem: Problem, x: Array, mass: scipy.sparse.csr_matrix, rotations: Array) -> Array:
     """Covector M t / |t| (7N,) of the sliding tangent t, rotations projected out; zero if t is a rotation."""
     tangent = sliding_tangent(problem, x)
     reach = float(np.linalg.norm(tangent) * np.sqrt(mass.diagonal().max()))
@@ -144,7 +144,7 @@ def _assemble(
     problem: Problem,
     x: Array,
     metric: str,
-    mass: sparse.csr_matrix,
+    mass: scipy.sparse.csr_matrix,
     found: _Found,
     keep: int,
     complete: bool,
@@ -193,9 +193,9 @@ def full_spectra(
     for metric in metrics:
         mass = metric_named(metric).matrix(problem.state(x))
         gram = basis.T @ (mass @ basis)
-        values, y = linalg.eigh(projected, gram, check_finite=False)
+        values, y = scipy.linalg.eigh(projected, gram, check_finite=False)
         excess = projected @ y - (gram @ y) * values
-        whitened = linalg.solve_triangular(linalg.cholesky(gram, lower=True), excess, lower=True)
+        whitened = scipy.linalg.solve_triangular(scipy.linalg.cholesky(gram, lower=True), excess, lower=True)
         residuals = np.linalg.norm(whitened, axis=0)
         vectors = basis @ y
         roundoff = np.einsum("ij,ij->j", np.abs(vectors), magnitude @ np.abs(vectors))
@@ -249,7 +249,7 @@ def _polished(pencil: Pencil, shift: float, vectors: Array) -> tuple[Array, Arra
     """One refined application of the inverse, and Ritz pairs: tangential to roundoff, M-orthonormal."""
     vectors = pencil.inverse(shift)(pencil.mass @ vectors)
     gram = vectors.T @ (pencil.mass @ vectors)
-    values, y = linalg.eigh(vectors.T @ (pencil.hessian @ vectors), gram)
+    values, y = scipy.linalg.eigh(vectors.T @ (pencil.hessian @ vectors), gram)
     return values, vectors @ y
 
 

@@ -9,6 +9,7 @@ from typing import Any
 from ribbon_cli.store.record import StateRecord
 
 _FIELDS = frozenset(field.name for field in fields(StateRecord))
+_OPTIONAL = frozenset({"parent", "parent_ref", "negative_eigenvalues"})
 
 
 class StoredRecord(StateRecord):
@@ -21,17 +22,18 @@ class StoredRecord(StateRecord):
     def of(cls, state: Mapping[str, Any], read: Callable[[], StateRecord]) -> StoredRecord:
         """Make the record of a summary; `read` reads the whole."""
         record = object.__new__(cls)
-        known = {**state, **state.get("topology", {})}
-        # What JSON could not hold is null there: not-a-number is read with the rest.
-        optional = ("parent", "parent_ref", "negative_eigenvalues")
-        known = {key: value for key, value in known.items() if value is not None or key in optional}
-        if "branch" in known:
-            del known["branch"]  # a part of it
-        else:
+        known = record.__dict__
+        for part in (state, state.get("topology", {})):
+            for key, value in part.items():
+                # What JSON could not hold is null there: not-a-number is read with the rest.
+                if key in _FIELDS and (value is not None or key in _OPTIONAL):
+                    known[key] = value
+        if state.get("branch") is None:
             known["branch"] = None
-        known["events"] = tuple(known.get("events", ()))
-        record.__dict__.update({key: value for key, value in known.items() if key in _FIELDS})
-        record.__dict__["_read"] = read
+        else:  # the summary's is a part of it
+            del known["branch"]
+        known["events"] = tuple(state.get("events") or ())
+        known["_read"] = read
         return record
 
 

@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from scipy import linalg, sparse
+import scipy
 
 from ..errors import TargetError, UsageError
 from ..model.band import Array, State
@@ -149,12 +149,12 @@ def _adapted(state: State, spectrum: Spectrum, group: SymmetryGroup) -> Array:
         block = vectors[first:last].reshape(last - first, -1).T
         image = _image(twofold, state, block)
         form = block.T @ (mass @ image)
-        _, y = linalg.eigh(0.5 * (form + form.T))
+        _, y = scipy.linalg.eigh(0.5 * (form + form.T))
         vectors[first:last] = (block @ y[:, ::-1]).T.reshape(last - first, *vectors.shape[1:])
     return vectors
 
 
-def _one_parity(mode: Array, twofold: Symmetry, state: State, mass: sparse.csr_matrix) -> Array:
+def _one_parity(mode: Array, twofold: Symmetry, state: State, mass: scipy.sparse.csr_matrix) -> Array:
     """The larger of the symmetric and the antisymmetric part of a mode (N, 7), at unit length.
 
     Of a pair that the list cuts in two, both parts are modes; any other mode has one part only.
