@@ -26,7 +26,7 @@ from ribbon_cli.config import (
     parse_config,
     templates,
 )
-from ribbon_cli.config.expression import ExpressionError, evaluate
+from ribbon_cli.expression import ExpressionError, evaluate
 
 # ---- what a good config resolves to
 

@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ribbon_cli.config import ConfigError, dump_resolved, parse_config, templates
-from ribbon_cli.config.expression import ExpressionError, evaluate
 from ribbon_cli.config.problems import MAX_PROBLEMS
+from ribbon_cli.expression import ExpressionError, evaluate
 
 BASE = templates()["mobius-pi"]
 PLAIN = "".join(line for line in BASE.splitlines(keepends=True) if line[0] not in "#\n")

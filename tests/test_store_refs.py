@@ -115,6 +115,7 @@ def test_no_runs_at_all(tmp_path):
         ("mobius-pi@N=50", 1),
         ("mobius-pi@b=0.3", 5),
         ("mobius-pi@b=0.5000000004,N=50", 1),
+        ("mobius-pi@b=(pi-pi)+1/2,N=50", 1),
     ],
 )
 def test_states_are_found(root, ref, label):
@@ -141,7 +142,8 @@ def test_states_are_found(root, ref, label):
         ("mobius-pi@", r"expected RUN@b"),
         ("mobius-pi@b=wide", "b must be a number, got 'wide'"),
         ("mobius-pi@N=1.5", "N must be a number"),
-        ("mobius-pi@b=nan", "b must be finite"),
+        ("mobius-pi@b=nan", "b must be a number, got .nan. \\(not made of numbers"),
+        ("mobius-pi@b=1/0", "b must be a number, got .1/0. \\(division by zero\\)"),
         ("mobius-pi-wide@b=1", "has no equilibria yet; `ribbon ls mobius-pi-wide --all`"),
         ("mobiuspi@b=0.5", "did you mean mobius-pi"),
         ("none/0001.h5", "no such file"),

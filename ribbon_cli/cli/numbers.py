@@ -24,7 +24,7 @@ def positive(ctx: click.Context, parameter: click.Parameter, text: str | None) -
     """Read a positive number as configs spell it: 0.5, 1e-3, pi/30."""
     if text is None:
         return None
-    from ribbon_cli.config.expression import ExpressionError, evaluate
+    from ribbon_cli.expression import ExpressionError, evaluate
 
     try:
         value = evaluate(text)

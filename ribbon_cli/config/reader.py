@@ -7,8 +7,8 @@ import re
 from collections.abc import Iterable, Mapping
 
 from ribbon_cli.config.document import Node
-from ribbon_cli.config.expression import ExpressionError, evaluate
 from ribbon_cli.config.problems import Problems, near_miss, shown
+from ribbon_cli.expression import ExpressionError, evaluate
 
 _INTEGER = re.compile(r"[+-]?(?:0|[1-9][0-9]{0,17})")
 _BOOLEANS = frozenset({"yes", "no", "true", "false", "on", "off"})  # to YAML 1.1

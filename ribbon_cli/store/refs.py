@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import difflib
-import math
 import os
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 from ribbon_cli.errors import UsageError
+from ribbon_cli.expression import evaluate
 from ribbon_cli.store.folder import is_run
 from ribbon_cli.store.run import Run
 
@@ -133,18 +133,17 @@ def _parse_label(ref: str, text: str) -> int:
 
 
 def _parse_query(ref: str, query: str) -> dict[str, float]:
-    """The parts of `b=0.5,N=400`. Raises UsageError."""
+    """The parts of `b=0.5,N=400`; b may be spelled as in a config, `b=pi/6`. Raises UsageError."""
     wanted: dict[str, float] = {}
     for part in query.split(","):
         key, _, text = (piece.strip() for piece in part.partition("="))
         if key not in ("b", "N") or key in wanted:
             raise UsageError(f"{ref!r}: expected RUN@b=...,N=..., got {part!r}")
         try:
-            wanted[key] = float(text) if key == "b" else int(text)
-        except ValueError:
-            raise UsageError(f"{ref!r}: {key} must be a number, got {text!r}") from None
-        if not math.isfinite(wanted[key]):
-            raise UsageError(f"{ref!r}: {key} must be finite, got {text!r}")
+            wanted[key] = evaluate(text) if key == "b" else int(text)
+        except ValueError as error:
+            why = f" ({error})" if key == "b" else ""
+            raise UsageError(f"{ref!r}: {key} must be a number, got {text!r}{why}") from None
     return wanted
 
 
