@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from store_support import make_record
 
-from ribbon_cli.config import Config, parse_config
+from ribbon_cli.config import Config, ConfigError, parse_config
 from ribbon_cli.errors import LockedError, UsageError
 from ribbon_cli.store import Run, encode
 from ribbon_cli.study import given_band, plan_of, refine_state, solve_config
@@ -226,8 +226,10 @@ def test_a_given_state_must_fit(tmp_path: Path, change: tuple[str, str], words: 
     first = solve_config(config(SMALL), tmp_path)
     guess = f"initial_guess: {{state: '{first.run.name}:10'}}"
     text = "name: again\ntopology: {half_twists: 1}\n" + guess + "\nwidths: [0.35]\n"
-    with pytest.raises(UsageError, match=words):
+    with pytest.raises(ConfigError, match=words) as caught:
         solve_config(config(text.replace(*change)), tmp_path)
+    (problem,) = caught.value.problems
+    assert (problem.line, problem.column, problem.field) == (3, 24, "initial_guess.state")
     assert [p.name for p in tmp_path.iterdir() if p.name.startswith("again")] == []
 
 

@@ -118,4 +118,5 @@ def _state(reader: Reader, node: Node, given: list[str], folder: str) -> Guess:
         reader.wrong(found["state"], "initial_guess.state", f"must be {_STATE}")
         return _NO_GUESS
     opened = os.path.abspath(os.path.join(folder, os.path.expanduser(text))) if is_file else text
-    return Guess("state", state=opened, state_as_written=text)
+    where = found["state"]
+    return Guess("state", state=opened, state_as_written=text, line=where.line, column=where.column)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import yaml
@@ -18,7 +18,7 @@ class Guess:
 
     `segments` N and `half_width` b are None with a state, which brings its own. `steps` is the number of
     auxiliary problems of a twist or an eversion, None for other recipes. `state` is what to open, a reference
-    or an absolute path; `state_as_written` is what the config says.
+    or an absolute path; `state_as_written` is what the config says, at `line` and `column` of its file.
     """
 
     recipe: str
@@ -27,6 +27,8 @@ class Guess:
     steps: int | None = None
     state: str | None = None
     state_as_written: str | None = None
+    line: int = field(default=0, compare=False)
+    column: int = field(default=0, compare=False)
 
 
 @dataclass(frozen=True)

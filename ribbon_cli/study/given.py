@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..config import Config
+from ..config import Config, ConfigError, Problem
 from ..errors import StoreError, UsageError
 from ..model.band import Band, Discretisation, State
 from ..model.topology import linking_number
@@ -25,16 +25,29 @@ def given_state(config: Config, root: Path) -> tuple[State, str]:
 
     The name bears a hash of the state's numbers, so that a run can tell whether it started from them.
 
-    Raises UsageError if it does not exist, is an npz file without a state in it, or is not the band that the
-    config describes; StoreError if a run's state is damaged.
+    Raises ConfigError, at the reference's place in the config, if it does not exist, is an npz file without
+    a state in it, or is not the band that the config describes; StoreError if a run's state is damaged.
     """
+    try:
+        return _given_state(config, root)
+    except UsageError as error:
+        raise refused(config, str(error)) from error
+
+
+def refused(config: Config, message: str) -> ConfigError:
+    """The error of a config whose given state cannot be used."""
+    guess = config.guess
+    return ConfigError(config.path, [Problem(guess.line, guess.column, "initial_guess.state", message)])
+
+
+def _given_state(config: Config, root: Path) -> tuple[State, str]:
     ref = config.guess.state or ""
     run, label, path = resolve_state(root, ref)
     if path.suffix == ".npz":
         try:
             data = load_npz(path)
         except StoreError as error:  # not of the store: a file of the user's own
-            raise UsageError(f"initial_guess.state: {error}") from error
+            raise UsageError(str(error)) from error
         length, sigma, n = float(data["length"]), int(data["sigma"]), int(data["xi"].size)
         found = State(Band(n, float(data["half_width"]), length, sigma), data["u"], data["g"], data["xi"])
     else:
