@@ -56,6 +56,22 @@ def write_error(path: str | Path, error: OSError) -> StoreError:
     return StoreError(f"{path}: cannot be written: {reason}; {hint}")
 
 
+def unused_name(path: Path, word: str) -> Path:
+    """First of PATH.WORD-1, PATH.WORD-2, ... that does not exist."""
+    names = (path.with_name(f"{path.name}.{word}-{k}") for k in itertools.count(1))
+    return next(name for name in names if not os.path.lexists(name))
+
+
+def put_aside(path: Path) -> Path:
+    """Rename a damaged file to *.damaged-K. Raises StoreError."""
+    target = unused_name(path, "damaged")
+    try:
+        os.rename(path, target)
+    except OSError as error:
+        raise write_error(target, error) from error
+    return target
+
+
 def temporary_name(path: Path) -> Path:
     """Return an unused name for an unfinished file or folder beside `path`."""
     return path.parent / f"{TEMPORARY}{path.stem}-{os.getpid()}-{next(_counter)}-{os.urandom(4).hex()}"

@@ -6,19 +6,15 @@ Both need the run's lock. Nothing that might be a state is ever deleted.
 from __future__ import annotations
 
 import hashlib
-import itertools
 import os
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from ribbon_cli.errors import StoreError
-from ribbon_cli.store import log
-from ribbon_cli.store.atomic import TEMPORARY, write_atomic, write_error
+from ribbon_cli.store import configs, log
+from ribbon_cli.store.atomic import TEMPORARY, put_aside, unused_name, write_atomic, write_error
 from ribbon_cli.store.folder import (
-    CONFIG,
     LOG,
-    RESOLVED,
     STATES,
     created_entry,
     state_entry,
@@ -36,7 +32,8 @@ def sweep(folder: Path) -> list[str]:
 
     Temporary files go; a torn last line of the log is cut off; a whole state without a line is adopted; a
     file that has the name of a state, no line and no whole state in it is renamed to *.damaged-K. What was
-    done is logged. Raises StoreError for a damaged log, or when the folder cannot be written.
+    done is logged. Raises StoreError for a damaged log, for a committed state or a config file that is not
+    there as it was, or when the folder cannot be written.
     """
     notes: list[str] = []
     try:
@@ -49,10 +46,12 @@ def sweep(folder: Path) -> list[str]:
         raise write_error(folder, error) from error
     if log.cut_torn_line(folder / LOG):
         notes.append("cut off an unfinished line of the log")
-    known = {entry["state"]["label"] for entry in log.read_log(folder / LOG) if entry["event"] == "state"}
+    events = log.read_log(folder / LOG)
+    known = {entry["state"]["label"] for entry in events if entry["event"] == "state"}
     adopted, more = _adopt(folder, known)
     notes += more
     _require_files(folder, known)
+    configs.require(folder, events)
     if notes:
         # One by one: each is whole, or the last.
         for entry in [*adopted, {"event": "recovered", "time": log.utc_now(), "notes": notes}]:
@@ -79,7 +78,7 @@ def _adopt(folder: Path, known: set[int]) -> tuple[list[dict[str, Any]], list[st
             entries.append(_entry_from_file(label, path))
             notes.append(f"adopted state {label}")
         except ValueError as error:
-            target = _put_aside(path)
+            target = put_aside(path)
             notes.append(f"renamed {path.name} to {target.name}: {error}")
     return entries, notes
 
@@ -107,12 +106,6 @@ def _entry_from_file(label: int, path: Path) -> dict[str, Any]:
     return state_entry(state, data) | {"adopted": True}
 
 
-def _unused(path: Path, word: str) -> Path:
-    """First of PATH.WORD-1, PATH.WORD-2, ... that does not exist."""
-    names = (path.with_name(f"{path.name}.{word}-{k}") for k in itertools.count(1))
-    return next(name for name in names if not os.path.lexists(name))
-
-
 def repair(folder: Path) -> list[str]:
     """Bring a run's folder to order after damage, and return a line for each thing done; nothing is deleted.
 
@@ -126,9 +119,9 @@ def repair(folder: Path) -> list[str]:
     entries, unreadable = log.salvage_log(path)
     notes = [f"dropped {unreadable} damaged lines of the log"] if unreadable else []
     created = next((entry for entry in entries if entry["event"] == "created"), None)
-    notes += _restore_config(folder, created.get("files", {}) if created else {})
+    notes += configs.restore(folder, configs.committed(entries), _files(folder).values())
     if created is None:
-        entries.insert(0, created_entry(_config_files(folder)) | {"rebuilt": True})
+        entries.insert(0, created_entry(configs.present(folder)) | {"rebuilt": True})
         notes.append("made a new first line of the log")
     kept = []
     for entry in entries:
@@ -162,7 +155,7 @@ def _checked_entry(folder: Path, entry: dict[str, Any]) -> tuple[dict[str, Any],
             return entry, ""
         return state_entry(state, data) | {"time": entry["time"]}, f"wrote the line on state {label} anew"
     except ValueError as error:
-        target = _put_aside(path)
+        target = put_aside(path)
         lost = {**entry, "event": "state-lost", "label": label, "reason": f"damaged, now {target.name}"}
         return lost, f"renamed {path.name} to {target.name}: {error}"
 
@@ -189,60 +182,8 @@ def _decoded(data: bytes, path: Path) -> StateRecord:
         raise ValueError(str(error)) from error
 
 
-def _put_aside(path: Path) -> Path:
-    """Rename a damaged file to *.damaged-K. Raises StoreError."""
-    target = _unused(path, "damaged")
-    try:
-        os.rename(path, target)
-    except OSError as error:
-        raise write_error(target, error) from error
-    return target
-
-
-def _restore_config(folder: Path, committed: Mapping[str, str]) -> list[str]:
-    """Write config files anew that are missing or not those `committed`, from what a state's provenance
-    keeps.
-    """
-    notes = []
-    for name, key in ((CONFIG, "config_text"), (RESOLVED, "config_resolved")):
-        path, wanted = folder / name, committed.get(name)
-        there = read_bytes(path) if path.is_file() else None
-        if there is not None and (wanted is None or hashlib.sha256(there).hexdigest() == wanted):
-            continue
-        text = _kept_text(folder, key, wanted)
-        if text is None:
-            if there is None:
-                notes.append(f"{name} is missing, and no state keeps it")
-            continue
-        if there is not None:
-            _put_aside(path)
-        write_atomic(path, text)
-        notes.append(f"restored {name} from a state's provenance")
-    return notes
-
-
-def _kept_text(folder: Path, key: str, wanted: str | None) -> bytes | None:
-    """A config file's text from the provenance of the first state that keeps the right one, None if none
-    does.
-    """
-    for path in _files(folder).values():
-        try:
-            text = decode_bytes(read_bytes(path), str(path)).provenance.get(key)
-        except StoreError:
-            continue
-        data = text.encode() if isinstance(text, str) else None
-        if data is not None and (wanted is None or hashlib.sha256(data).hexdigest() == wanted):
-            return data
-    return None
-
-
-def _config_files(folder: Path) -> dict[str, bytes]:
-    """The config files that a run still has. Raises StoreError."""
-    return {name: read_bytes(folder / name) for name in (CONFIG, RESOLVED) if (folder / name).is_file()}
-
-
 def _replace(path: Path, entries: list[dict[str, Any]]) -> None:
     """Replace a log in one step, keeping the old one under another name. Raises StoreError."""
     if path.exists():
-        write_atomic(_unused(path, "old"), read_bytes(path))
+        write_atomic(unused_name(path, "old"), read_bytes(path))
     write_atomic(path, b"".join(map(log.format_line, entries)), overwrite=True)

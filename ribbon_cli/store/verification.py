@@ -5,17 +5,16 @@ Reading only, without the lock.
 
 from __future__ import annotations
 
-import hashlib
-import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from ribbon_cli.errors import StoreError
+from ribbon_cli.store import configs
 from ribbon_cli.store.atomic import TEMPORARY
 from ribbon_cli.store.folder import STATES, state_files
-from ribbon_cli.store.hdf5 import decode, read_bytes
+from ribbon_cli.store.hdf5 import decode
 from ribbon_cli.store.record import StateRecord
 from ribbon_cli.store.run import Run
 from ribbon_cli.store.summaries import agrees
@@ -64,15 +63,8 @@ def _check_config(run: Run, events: list[dict[str, Any]]) -> Iterator[Finding]:
     if len(created) != 1 or events[0]["event"] != "created":
         yield Finding(str(run.log_path), "its first line, and no other, must be the event `created`")
         return
-    for name, committed in created[0].get("files", {}).items():
-        path = run.path / os.path.basename(name)
-        try:
-            found = hashlib.sha256(read_bytes(path)).hexdigest()
-        except StoreError as error:
-            yield _from_error(path, error)
-        else:
-            if found != committed:
-                yield Finding(str(path), "not the bytes that the run was made with")
+    for path, reason in configs.differing(run.path, configs.committed(created)):
+        yield Finding(str(path), reason)
 
 
 def _leftovers(run: Run, events: list[dict[str, Any]]) -> Iterator[Finding]:

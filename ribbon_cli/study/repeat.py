@@ -10,7 +10,7 @@ from pathlib import Path
 from ..config import Config, load_config
 from ..errors import RibbonError, StoreError
 from ..report.comparison import StatePair, compare_runs
-from ..store import Run, find_run
+from ..store import Run, configs, find_run
 from ..store.atomic import temporary_name
 from ..store.folder import CONFIG, RESOLVED
 from .outcome import Outcome
@@ -71,8 +71,9 @@ def _by_command(stage: str) -> bool:
 def stored_config(run: Run) -> Config:
     """The config of a run as written, with paths as they were resolved.
 
-    Raises StoreError if it is damaged.
+    Raises StoreError if it is damaged, or was changed since the run was made.
     """
+    configs.require(run.path, run.events())
     try:
         resolved = load_config(run.path / RESOLVED)
         written = load_config(run.path / CONFIG)

@@ -18,13 +18,13 @@ from ..solver.continuation import Move, to_width
 from ..solver.newton import solve
 from ..solver.status import Result, Status
 from ..solver.tracking import PARTS
-from ..store import Run, StateRecord
+from ..store import Run, StateRecord, configs
 from ..store.folder import is_run
 from .auxiliary import MOST_HALVINGS, Turning
 from .branch import Branches
 from .constructions import construct, evert
 from .contact import locate_contact
-from .given import given_state
+from .given import given_state, refused
 from .journal import converged, run_or_read
 from .nearest import what_changed
 from .outcome import Course, Outcome, Target
@@ -53,7 +53,7 @@ def solve_config(
     given = given_state(config, references or root) if config.guess.recipe == "state" else None
     changed = what_changed(config, root)
     run = _open(config, root)
-    if fresh and run.entries():
+    if fresh and (run.entries() or any(configs.differing(run.path, configs.committed(run.events())))):
         run.set_aside()
         run = _open(config, root)
 
@@ -188,9 +188,10 @@ class _Study:
         self.steps.begin(stage, band.half_width, band.segments)
         record = self.journal.finished(stage)
         if record is not None and record.parent_ref != parent_ref:
-            raise UsageError(
-                f"initial_guess.state: now {parent_ref}, but this run started from {record.parent_ref}: "
-                f"give the config another name, or start over with --fresh"
+            raise refused(
+                self.config,
+                f"now {parent_ref}, but this run started from {record.parent_ref}: "
+                f"give the config another name, or start over with --fresh",
             )
         if record is None:
             clock = self.journal.clock()

@@ -1,0 +1,88 @@
+"""The config files of a run, as written and as resolved, against the hashes that its log keeps of them."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from ribbon_cli.errors import StoreError
+from ribbon_cli.store.atomic import put_aside, write_atomic
+from ribbon_cli.store.folder import CONFIG, RESOLVED
+from ribbon_cli.store.hdf5 import decode_bytes, read_bytes
+
+CHANGED = "not the bytes that the run was made with"
+
+
+def committed(events: Iterable[Mapping[str, Any]]) -> dict[str, str]:
+    """Hashes of the config files by name, from a log's first line; empty if that is lost."""
+    created = next((event for event in events if event["event"] == "created"), {})
+    return {name: sha for name, sha in created.get("files", {}).items() if name in (CONFIG, RESOLVED)}
+
+
+def differing(folder: Path, hashes: Mapping[str, str]) -> Iterator[tuple[Path, str]]:
+    """Config files that are not those of the hashes, each with a reason."""
+    for name, wanted in hashes.items():
+        path = folder / name
+        try:
+            found = hashlib.sha256(read_bytes(path)).hexdigest()
+        except StoreError as error:
+            yield path, str(error).removeprefix(f"{path}: ")
+        else:
+            if found != wanted:
+                yield path, CHANGED
+
+
+def require(folder: Path, events: Iterable[Mapping[str, Any]]) -> None:
+    """Refuse to go on where a config file was changed or is gone: new states would say that they came of it.
+
+    Raises StoreError.
+    """
+    for path, reason in differing(folder, committed(events)):
+        raise StoreError(
+            f"{path}: {reason}; `ribbon repair {folder.name}` restores it from a state, "
+            "`ribbon solve --fresh` keeps the run aside and starts over"
+        )
+
+
+def restore(folder: Path, hashes: Mapping[str, str], states: Iterable[Path]) -> list[str]:
+    """Write config files anew that are missing or not those of the hashes, from what a state's provenance
+    keeps; return a line for each thing done, or that cannot be. Raises StoreError.
+    """
+    notes = []
+    for name, key in ((CONFIG, "config_text"), (RESOLVED, "config_resolved")):
+        path, wanted = folder / name, hashes.get(name)
+        there = read_bytes(path) if path.is_file() else None
+        if there is not None and (wanted is None or hashlib.sha256(there).hexdigest() == wanted):
+            continue
+        text = _kept_text(states, key, wanted)
+        if text is None:
+            what = "missing" if there is None else CHANGED
+            notes.append(f"{name} is {what}, and no state keeps it")
+            continue
+        if there is not None:
+            put_aside(path)
+        write_atomic(path, text)
+        notes.append(f"restored {name} from a state's provenance")
+    return notes
+
+
+def _kept_text(states: Iterable[Path], key: str, wanted: str | None) -> bytes | None:
+    """A config file's text from the provenance of the first state that keeps the right one, None if none
+    does.
+    """
+    for path in states:
+        try:
+            text = decode_bytes(read_bytes(path), str(path)).provenance.get(key)
+        except StoreError:
+            continue
+        data = text.encode() if isinstance(text, str) else None
+        if data is not None and (wanted is None or hashlib.sha256(data).hexdigest() == wanted):
+            return data
+    return None
+
+
+def present(folder: Path) -> dict[str, bytes]:
+    """The config files that a run still has. Raises StoreError."""
+    return {name: read_bytes(folder / name) for name in (CONFIG, RESOLVED) if (folder / name).is_file()}
