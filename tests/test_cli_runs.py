@@ -25,6 +25,13 @@ topology: {half_twists: 0}
 initial_guess: {recipe: cylinder, segments: 10, half_width: 0.5}
 widths: [0.5, 0.8, 0.9]
 """
+EVERTED_BRANCH = """\
+name: everted
+topology: {half_twists: 0}
+initial_guess: {recipe: eversion, segments: 40, half_width: 0.03, steps: 25}
+widths: {arclength: {to: 0.2, at: [0.05, 0.2], max_step: 0.3}}
+spectrum: {modes: 0, full_up_to: 0}
+"""
 
 
 @pytest.fixture
@@ -220,6 +227,35 @@ def test_compare_runs_by_stage(folder):
     assert ribbon("compare", "frozen", "twin:3").exit_code == 2
 
 
+@pytest.mark.parametrize("name", ["config.yaml", "resolved.yaml"])
+def test_a_changed_config_in_a_run_stops_whatever_would_go_by_it(tmp_path, monkeypatch, name):
+    monkeypatch.chdir(tmp_path)
+    Path("ring.yaml").write_text(QUICK_RING)
+    assert ribbon("solve", "ring.yaml", "-q").exit_code == 0
+    (path,) = Path("runs").iterdir()
+    before = (path / name).read_text()
+    (path / name).write_text(before.replace("0.5", "0.6"))
+    for words in (("rerun", "ring", "-q"), ("refine", "ring:1", "--to", "20", "-q")):
+        result = ribbon(*words)
+        assert result.exit_code == 4
+        assert f"{name}: not the bytes that the run was made with; `ribbon repair" in result.stderr
+    assert ribbon("repair", "ring").exit_code == 0
+    assert (path / name).read_text() == before
+    assert ribbon("rerun", "ring", "-q").exit_code == 0
+
+
+def test_a_changed_config_that_no_state_keeps_is_named(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    config = parse_config(TWO_WIDTHS, "ring.yaml")
+    made = Run.create_or_open("runs", config.name, config.hash8(), TWO_WIDTHS, dump_resolved(config))
+    (made.path / "config.yaml").write_text("name: other\n")
+    Path("ring.yaml").write_text(TWO_WIDTHS)
+    assert ribbon("solve", "ring.yaml", "-q").exit_code == 4
+    assert "config.yaml is not the bytes" in ribbon("repair", "ring").stdout
+    assert ribbon("solve", "ring.yaml", "-q").exit_code == 4
+    assert ribbon("solve", "ring.yaml", "-q", "--fresh").exit_code == 0
+
+
 def test_rerun_repeats_a_run_from_its_stored_config(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("ring.yaml").write_text(QUICK_RING)
@@ -273,6 +309,29 @@ def test_ls_tells_how_far_a_run_has_come(tmp_path, monkeypatch):
     assert ribbon("ls", "--status", "complete", "-q").stdout == ""
     assert len(ribbon_json("ls", "--status", "failed")) == 1
     assert "did you mean failed?" in ribbon("ls", "--status", "fialed").stderr
+
+
+def test_ls_counts_each_visit_of_a_schedule(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("ring.yaml").write_text(TWO_WIDTHS.replace("[0.5, 0.8, 0.9]", "[0.5, 0.6, 0.5, 0.6]"))
+    assert ribbon("solve", "ring.yaml", "-q").exit_code == 0
+    assert counts(standing_of("ring")) == ("complete", 4, 0, 0, 0)
+    (path,) = Path("runs").iterdir()
+    with Run.open(path).writing() as made:
+        made.log_event("ended", exit_code=3, missed=[[0.6, 10]])
+    Run.open(path).state_path(4).unlink()
+    assert ribbon("repair", "ring").exit_code == 0
+    assert counts(standing_of("ring")) == ("failed", 3, 0, 0, 1)
+
+
+def test_an_unstable_point_of_a_branch_is_no_failure(tmp_path, monkeypatch):
+    """The everted band, unstable at the width asked for, is what was asked for."""
+    monkeypatch.chdir(tmp_path)
+    Path("everted.yaml").write_text(EVERTED_BRANCH)
+    assert ribbon("solve", "everted.yaml", "-q").exit_code == 0
+    states = ribbon_json("ls", "everted")
+    assert [state["certified"] for state in states] == [True, True, False]
+    assert counts(standing_of("everted")) == ("complete", 3, 0, 0, 0)
 
 
 def test_ls_filters_states(folder):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import Any
 
 from ..config import load_config
@@ -49,38 +50,47 @@ def standing(run: Run) -> dict[str, Any]:
 def _counts(
     run: Run, events: list[dict[str, Any]], states: list[dict[str, Any]], held: bool
 ) -> dict[str, Any]:
-    """How many of the planned equilibria are in which state."""
+    """How many of the planned equilibria are in which state; a schedule may come to a place several times."""
     planned = _planned(run)
     if planned is None:
         return dict.fromkeys(("complete", "done", "running", "waiting", "failed"))
-    reached: dict[Place, bool] = {}
+    stages: dict[Place, set[str]] = {}
+    good: dict[Place, set[str]] = {}
     for state in states:
         place = (state["half_width"], state["segments"])
-        reached[place] = reached.get(place, False) or bool(state["certified"])
+        stages.setdefault(place, set()).add(state["stage"])
+        # A point of a branch is what was asked for, stable or not.
+        if state["certified"] or state.get("branch"):
+            good.setdefault(place, set()).add(state["stage"])
+    reached = Counter({place: len(names) for place, names in stages.items()})
+    done = planned & Counter({place: len(names) for place, names in good.items()})
     ended = [event for event in events if event["event"] == "ended"]
-    missed = {(b, n) for b, n in ended[-1]["missed"]} if ended and not held else set()
-    done = {place for place in planned if reached.get(place)}
-    failed = {place for place in planned - done if place in reached or place in missed}
-    left = len(planned - done - failed)
+    missed = Counter((b, n) for b, n in ended[-1]["missed"]) if ended and not held else Counter()
+    failed = (planned - done) & (reached - done + missed)
+    left = (planned - done - failed).total()
     running = int(held and left > 0)
     return {
-        "complete": planned <= reached.keys(),
-        "done": len(done),
+        "complete": planned <= reached,
+        "done": done.total(),
         "running": running,
         "waiting": left - running,
-        "failed": len(failed),
+        "failed": failed.total(),
     }
 
 
-def _planned(run: Run) -> set[Place] | None:
-    """The equilibria that a run's config names by width and N, None where that cannot be told."""
+def _planned(run: Run) -> Counter[Place] | None:
+    """How often a run's config names each equilibrium by width and N, None where that cannot be told."""
     try:
         stages = plan_of(load_config(run.path / "resolved.yaml")).stages
     except RibbonError:
         return None
-    places = {(stage.half_width, stage.segments) for stage in stages if stage.kind == "equilibrium"}
-    known = {(b, n) for b, n in places if b is not None and n is not None}
-    return known if len(known) == len(places) else None
+    places: Counter[Place] = Counter()
+    for stage in stages:
+        if stage.kind == "equilibrium":
+            if stage.half_width is None or stage.segments is None:
+                return None
+            places[stage.half_width, stage.segments] += 1
+    return places
 
 
 def _status(counts: dict[str, Any], held: bool) -> str:
