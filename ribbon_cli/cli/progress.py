@@ -98,10 +98,12 @@ class Lines:
         self._end_stage()
         self._current = _Stage(name, index, total, half_width, segments)
 
-    def step(self, iteration: int, energy: float, residual: float) -> None:
+    def step(self, iteration: int, energy: float, residual: float, half_width: float | None = None) -> None:
         """A Newton step was taken."""
         current = self._current
         current.iteration, current.energy, current.residual = iteration, energy, residual
+        if half_width is not None:
+            current.half_width = half_width
         if self._verbose:
             self._write(current.step_line())
 
@@ -159,9 +161,9 @@ class Bar(Lines):
         heading = self._current.heading
         self._bar.update(self._task, description=heading, total=total, completed=index - 1, figures="")
 
-    def step(self, iteration: int, energy: float, residual: float) -> None:
+    def step(self, iteration: int, energy: float, residual: float, half_width: float | None = None) -> None:
         """A Newton step was taken."""
-        super().step(iteration, energy, residual)
+        super().step(iteration, energy, residual, half_width)
         self._bar.update(self._task, figures=f"E = {energy:.9f}  {residual:.1e}")
 
     def _end_stage(self) -> None:

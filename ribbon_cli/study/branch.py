@@ -130,7 +130,7 @@ class Branches:
         if taken.point is not None:
             found = taken.point
             residual = max(found.kkt_residual, found.constraint_residual)
-            self.steps.progress.step(found.steps, found.energy, residual)
+            self.steps.progress.step(found.steps, found.energy, residual, found.half_width)
         self.steps.tell(stage, taken.refused)
         events = [self._store_event(stage, event, place, taken, clock) for event in _numbered(taken.events)]
         if taken.point is None or taken.tangent is None:

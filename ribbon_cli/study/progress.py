@@ -12,8 +12,8 @@ class Progress(Protocol):
     def stage(self, name: str, index: int, total: int, half_width: float, segments: int) -> None:
         """Note that a stage begins, `index` (from 1) of about `total`."""
 
-    def step(self, iteration: int, energy: float, residual: float) -> None:
-        """Note a Newton step of the stage."""
+    def step(self, iteration: int, energy: float, residual: float, half_width: float | None = None) -> None:
+        """Note a Newton step of the stage; `half_width` where only the step has found it, as on a branch."""
 
     def note(self, text: str) -> None:
         """Note something worth a line: a halved step, a saddle left, a change of grid phase."""
@@ -28,7 +28,7 @@ class Silence:
     def stage(self, name: str, index: int, total: int, half_width: float, segments: int) -> None:
         """Ignore a stage."""
 
-    def step(self, iteration: int, energy: float, residual: float) -> None:
+    def step(self, iteration: int, energy: float, residual: float, half_width: float | None = None) -> None:
         """Ignore a step."""
 
     def note(self, text: str) -> None:
@@ -48,9 +48,9 @@ class Recording:
         """Keep a stage."""
         self._told.append(lambda to: to.stage(name, index, total, half_width, segments))
 
-    def step(self, iteration: int, energy: float, residual: float) -> None:
+    def step(self, iteration: int, energy: float, residual: float, half_width: float | None = None) -> None:
         """Keep a step."""
-        self._told.append(lambda to: to.step(iteration, energy, residual))
+        self._told.append(lambda to: to.step(iteration, energy, residual, half_width))
 
     def note(self, text: str) -> None:
         """Keep a note."""
