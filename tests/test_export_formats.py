@@ -111,6 +111,13 @@ def test_no_thickness_no_solid(solved, thickness):  # noqa: F811
         solid(states_of(solved, "ring")[0], thickness)
 
 
+def test_no_wall_thicker_than_the_band_is_wide(solved):  # noqa: F811
+    (ring, *_) = states_of(solved, "ring")
+    solid(ring, 1.99 * ring.half_width)
+    with pytest.raises(UsageError, match="less than the band's width 2 b, got 1 times"):
+        solid(ring, 2.0 * ring.half_width)
+
+
 def test_vtk_reads_a_branch_as_a_series(solved, tmp_path):  # noqa: F811
     states = [s for s in states_of(solved, "mobius") if s.segments == 48]
     # Steps of different sizes, among them an open strip.

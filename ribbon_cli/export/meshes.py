@@ -64,11 +64,15 @@ def solid(record: StateRecord, thickness: float) -> tuple[Array, Array]:
 
     At each ruling four corners are offset along the bisector of the two facets, so that flat facets keep
     their thickness. The surface is closed and oriented outwards also on a one-sided band, where the four
-    corners are joined after half a turn: the solid's skin is one torus. Raises UsageError where the
-    thickness is not positive, or so large that a fold leaves no room for it.
+    corners are joined after half a turn: the solid's skin is one torus. On the inner side of a sharp bend the
+    offset facets pass through each other, as they do in thick paper. Raises UsageError where the thickness
+    is not positive or not below the band's width, or where a fold is sharper than 120 degrees.
     """
     if not (np.isfinite(thickness) and thickness > 0):
         raise UsageError(f"a thickness must be positive, got {thickness:g}")
+    if thickness >= 2.0 * record.half_width:
+        part = 0.5 * thickness / record.half_width
+        raise UsageError(f"a thickness must be less than the band's width 2 b, got {part:.3g} times as much")
     n, rulings = record.segments, strip(record)
     after = facet_normals(record)
     before = np.roll(after, 1, axis=0)
