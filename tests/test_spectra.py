@@ -28,6 +28,7 @@ from ribbon_cli.solver.spectra import (
     hidden_share,
     lowest_spectrum,
     metric_diagonal,
+    mode_label,
     sliding_overlap,
 )
 
@@ -202,6 +203,18 @@ def test_what_is_hidden() -> None:
         assert hidden == pytest.approx([share, 0.0])
         if share:
             assert spread[0] == pytest.approx(10.0)
+
+
+@pytest.mark.parametrize("turn", np.linspace(0.0, 1.5, 7))
+def test_half_hidden_is_no_checkerboard_however_the_pair_is_turned(turn: float) -> None:
+    """Waves of N/4 periods are seen and hidden in equal parts: labels must not depend on roundoff."""
+    problem = Problem(ring(20, 0.3, THESIS).band)
+    moves = np.zeros((20, 7, 1))
+    moves[:, 6, 0] = np.cos(0.5 * np.pi * np.arange(20) + turn)
+    (hidden,), (spread,) = hidden_share(problem, moves.reshape(140, 1))
+    assert hidden == pytest.approx(0.5, abs=1e-13)
+    assert mode_label(0.0, hidden, spread) == "mode"
+    assert mode_label(0.0, hidden + 1e-6, 20.0) == "checkerboard"
 
 
 # --- bounds, counts, metrics ---

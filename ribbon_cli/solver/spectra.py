@@ -21,10 +21,11 @@ from .pencil import ROUNDOFF, Pencil
 from .saddle_free import null_space
 
 SLIDING_OVERLAP = 0.9
-CHECKERBOARD_SHARE = 0.5
+CHECKERBOARD_SHARE = 0.5 + 1e-9
 CHECKERBOARD_FACETS = 3.0
 """A mode is a checkerboard when most of its xi is hidden, over more facets than the two on which a peak of
-one facet's width alternates when it moves."""
+one facet's width alternates when it moves. Waves of N/4 periods have exactly half of it hidden; rounding must
+not decide."""
 LABELS = ("rotation", "sliding", "checkerboard", "mode")
 """What a mode may be."""
 NEAR_EQUAL = 1e-6
