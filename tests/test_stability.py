@@ -16,6 +16,7 @@ from ribbon_cli.model.metrics import METRICS
 from ribbon_cli.model.problem import Problem
 from ribbon_cli.solver.inertia import Inertia
 from ribbon_cli.solver.prolongation import Phase
+from ribbon_cli.solver.spectra import Spectrum, lowest_spectrum
 from ribbon_cli.store import Run, StateRecord
 from ribbon_cli.study.mode_limits import run_spectra, spectral_convergence
 from ribbon_cli.study.records import Clock, Reached, build_record
@@ -153,6 +154,27 @@ def test_pairs_of_a_ring_are_told_apart_by_parity() -> None:
     half_turn = names.index("C2")
     signs = [m.parity[half_turn] for m in found.modes[3:]]
     assert all({a, b} == {"s", "a"} for a, b in zip(signs[::2], signs[1::2], strict=True))
+
+
+@pytest.mark.parametrize("modes", [7, 8])
+def test_parities_do_not_depend_on_the_basis_that_was_found(modes: int, monkeypatch) -> None:
+    """Inside an eigenvalue any basis may be found; of the last one, perhaps cut, as well."""
+
+    def turned(*arguments: object) -> Spectrum:
+        spectrum = lowest_spectrum(*arguments)  # type: ignore[arg-type]
+        vectors = spectrum.vectors.copy()
+        for k in range(3, len(vectors) - 1, 2):
+            c, s = np.cos(0.4 + k), np.sin(0.4 + k)
+            vectors[k : k + 2] = np.einsum("ij,jkl->ikl", [[c, s], [-s, c]], vectors[k : k + 2])
+        return replace(spectrum, vectors=vectors)
+
+    monkeypatch.setattr("ribbon_cli.study.stability.lowest_spectrum", turned)
+    place = ring_place(24, 0.3, VALUE_AVERAGE)
+    found = stability(place, modes=modes)
+    assert np.abs([m.symmetry["C2"] for m in found.modes]) == pytest.approx(np.ones(3 + modes))
+    v = found.vectors.reshape(len(found.vectors), -1)[3:]
+    gram = v @ (METRICS["physical"].matrix(found.state) @ v.T)
+    assert gram == pytest.approx(np.eye(modes), abs=1e-9)
 
 
 def test_a_pair_that_the_list_cuts_has_a_parity_too() -> None:

@@ -185,11 +185,7 @@ def _file_lock(path: Path) -> BaseFileLock:
     """filelock's lock, told not to replace flock by a weaker lock without saying so."""
     from filelock import FileLock
 
-    options: dict[str, Any] = {"timeout": 0, "thread_local": False}
-    try:
-        return FileLock(path, **options, fallback_to_soft=False)
-    except TypeError:  # older ones never do
-        return FileLock(path, **options)
+    return FileLock(path, timeout=0, thread_local=False, fallback_to_soft=False)
 
 
 def _note() -> bytes:

@@ -143,21 +143,22 @@ def _adapted(state: State, spectrum: Spectrum, group: SymmetryGroup) -> Array:
     if twofold is None:
         return vectors
     mass = metric_named(spectrum.metric).matrix(state)
-    values, labels = spectrum.values[: vectors.shape[0]], spectrum.labels
-    vectors[-1] = _one_parity(vectors[-1], twofold, state, mass)
-    for first, last in _clusters(values, labels):
+    clusters = _clusters(spectrum.values[: vectors.shape[0]], spectrum.labels)
+    for first, last in clusters:
         block = vectors[first:last].reshape(last - first, -1).T
         image = _image(twofold, state, block)
         form = block.T @ (mass @ image)
         _, y = scipy.linalg.eigh(0.5 * (form + form.T))
         vectors[first:last] = (block @ y[:, ::-1]).T.reshape(last - first, *vectors.shape[1:])
+    for k in range(*clusters[-1]):  # of which the list may have a part only
+        vectors[k] = _one_parity(vectors[k], twofold, state, mass)
     return vectors
 
 
 def _one_parity(mode: Array, twofold: Symmetry, state: State, mass: scipy.sparse.csr_matrix) -> Array:
     """The larger of the symmetric and the antisymmetric part of a mode (N, 7), at unit length.
 
-    Of a pair that the list cuts in two, both parts are modes; any other mode has one part only.
+    Of a multiple eigenvalue that the list cuts, both parts are modes; any other mode has one part only.
     """
     v = mode.reshape(-1, 1)
     image = _image(twofold, state, v)
@@ -167,7 +168,7 @@ def _one_parity(mode: Array, twofold: Symmetry, state: State, mass: scipy.sparse
 
 
 def _clusters(values: Array, labels: tuple[str, ...]) -> list[tuple[int, int]]:
-    """Ranges of equal eigenvalues of modes of one label."""
+    """Ranges of equal eigenvalues of modes of one label, those of one mode too."""
     found, first = [], 0
     for k in range(1, values.size + 1):
         if (
@@ -175,8 +176,7 @@ def _clusters(values: Array, labels: tuple[str, ...]) -> list[tuple[int, int]]:
             or labels[k] != labels[first]
             or values[k] - values[first] > SAME_VALUE * abs(values[k])
         ):
-            if k - first > 1:
-                found.append((first, k))
+            found.append((first, k))
             first = k
     return found
 
