@@ -240,7 +240,7 @@ class _Solve:
             )
             self.lowest = float(found.negative[0]) if found.index else 0.0
             self.surplus_seen = max(self.surplus_seen, found.index)
-            following = self._advance(point, factor, found)
+            following = self._advance(point, found)
         return following
 
     def _judge(self, point: _Point, matrix: KKTMatrix) -> tuple[Result | None, _Point | None]:
@@ -254,7 +254,7 @@ class _Solve:
         count = inertia(matrix)
         if not count.trusted:
             return self._result(Status.UNDECIDED, point, detail=f"(Pivot gap {count.gap:.1e}.)"), None
-        factor = Factor(matrix)
+        factor = Factor(matrix)  # anew: the proof may have left one with another regularisation
         if count.negative == 0:
             return self._certify(Status.MINIMUM, point, factor, 0), None
         self.surplus_seen = max(self.surplus_seen, count.negative)
@@ -262,7 +262,7 @@ class _Solve:
             return self._certify(Status.SADDLE, point, factor, count.negative), None
         found = direction(self.problem, point.local, point.multipliers, factor, count.negative)
         self._record_saddle(point, found)
-        return None, self._leave(point, factor, found)
+        return None, self._leave(point, found)
 
     def _certify(self, status: Status, point: _Point, factor: Factor, negative: int) -> Result:
         """The result with an index, if a stationary point is as near as the residuals promise.
@@ -293,7 +293,7 @@ class _Solve:
             return None
         return trial if self._allowed(point, trial) else None
 
-    def _advance(self, point: _Point, factor: Factor, found: Direction) -> _Point | None:
+    def _advance(self, point: _Point, found: Direction) -> _Point | None:
         """One accepted step, or None."""
         self.trouble = (Status.STALLED, "")
         self.search.raise_penalty(found.multipliers)
@@ -304,13 +304,13 @@ class _Solve:
         t = min(1.0, self.options.step_limit / max(size, 1e-300))
         shortest = SHORTEST * t  # near a singular Hessian the limit alone may leave little of a long step
         while t >= shortest:
-            trial = self._trial(point, factor, found, t)
+            trial = self._trial(point, found, t)
             if trial is not None:
                 return trial
             t *= 0.5
         return None
 
-    def _trial(self, point: _Point, factor: Factor, found: Direction, t: float) -> _Point | None:
+    def _trial(self, point: _Point, found: Direction, t: float) -> _Point | None:
         """The point at step t, drawn back to the constraints as often as it helps; None if not accepted.
 
         Valleys of sliding are curved: without several second-order corrections what remains of the
@@ -383,7 +383,7 @@ class _Solve:
             )
         )
 
-    def _leave(self, point: _Point, factor: Factor, found: Direction) -> _Point | None:
+    def _leave(self, point: _Point, found: Direction) -> _Point | None:
         """Leave a saddle along its lowest eigenvector, to the side and by the length of least energy."""
         v = found.vectors[:, 0]
         v = v * np.sign(v[np.argmax(np.abs(v))])
@@ -397,12 +397,7 @@ class _Solve:
                 trial = _point(self.problem, x, point.multipliers)
                 if not np.isfinite(trial.worst) or not self._allowed(point, trial):
                     continue
-                lower = (
-                    trial.local.energy < point.local.energy
-                    if best is None
-                    else (trial.local.energy < best.local.energy)
-                )
-                if lower:
+                if trial.local.energy < (best or point).local.energy:
                     best = trial
             if best is not None:
                 break

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import Enum
 
 from ..model.band import Array, Multipliers, State
@@ -43,6 +43,9 @@ _SENTENCES = {
     Status.OTHER_SHAPE: "Converged to a shape of the same linking number that is not the one asked for.",
 }
 
+STATIONARY = (Status.MINIMUM, Status.SADDLE, Status.UNDECIDED)
+"""Statuses of stationary points, certified or not."""
+
 
 @dataclass(frozen=True)
 class SaddleMet:
@@ -62,7 +65,8 @@ class Result:
 
     `negative` is the number of negative eigenvalues of the projected Hessian, rotations left out,
     None where it was not determined. `kkt_residual` is the largest component of the Lagrangian's
-    gradient over (u, g, xi), `constraint_residual` that of the constraints of (2.19).
+    gradient over (u, g, xi), `constraint_residual` that of the constraints of (2.19). `surplus_seen` is the
+    largest number of negative eigenvalues met on the way.
     """
 
     status: Status
@@ -76,7 +80,7 @@ class Result:
     steps: int
     saddles: tuple[SaddleMet, ...] = ()
     detail: str = ""
-    surplus_seen: int = field(default=0)
+    surplus_seen: int = 0
 
     @property
     def certified(self) -> bool:

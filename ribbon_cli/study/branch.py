@@ -183,7 +183,7 @@ class Branches:
     ) -> tuple[StateRecord | None, End | None]:
         """Store a point of a branch; an end if it is not the band that the run is about."""
         singular = "" if event is None else _SINGULAR.get(event.type, "")
-        result = checked(point.problem, point.result(singular), self.steps.half_twists)
+        result = checked(point.result(singular), self.steps.half_twists)
         if result.kkt_residual > 1e-9 or result.status.value in ("left-topology", "other-shape"):
             return None, End(Reason.STEP_TOO_SMALL, parent.half_width, result.message)
         if event is not None:

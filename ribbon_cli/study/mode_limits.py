@@ -108,7 +108,7 @@ def _sequences(
             grid = tuple(n for n, _ in there)
             values = tuple(mode.value for _, mode in there)
             known = dict(zip(grid, values, strict=True))
-            limit = None if label == "checkerboard" else _limit(half_width, label, known, length)
+            limit = None if label == "checkerboard" else _limit(half_width, known, length)
             out.append(
                 ModeSequence(
                     half_width,
@@ -140,7 +140,7 @@ def _reason(label: str, limit: Extrapolation | None) -> str:
     return limit.reason.replace("E_2N - E_N", "from N to 2N").replace("energies", "values")
 
 
-def _limit(half_width: float, label: str, known: dict[int, float], length: float) -> Extrapolation:
+def _limit(half_width: float, known: dict[int, float], length: float) -> Extrapolation:
     entries = [Entry(half_width, n, value, True) for n, value in known.items()]
     return convergence_rows(entries, length).extrapolations[0]
 
