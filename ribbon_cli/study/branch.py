@@ -129,8 +129,7 @@ class Branches:
             return None, known, End(Reason.STEP_TOO_SMALL, base.half_width, f"no tangent here: {error}")
         if taken.point is not None:
             found = taken.point
-            residual = max(found.kkt_residual, found.constraint_residual)
-            self.steps.progress.step(found.steps, found.energy, residual, found.half_width)
+            self.steps.progress.step(found.steps, found.energy, found.worst, found.half_width)
         self.steps.tell(stage, taken.refused)
         events = [self._store_event(stage, event, place, taken, clock) for event in _numbered(taken.events)]
         if taken.point is None or taken.tangent is None:
