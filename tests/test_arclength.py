@@ -139,6 +139,17 @@ def dense_bordered(point: Point, covector: Array, weight: float) -> Array:
     return matrix
 
 
+def dense_solution(
+    point: Point, covector: Array, weight: float, gradient: Array, constraints: Array, level: float
+) -> tuple[Array, float]:
+    """Changes of x and lambda in one vector, and that of b, by the matrix written out."""
+    matrix = dense_bordered(point, covector, weight)
+    n = point.problem.size + point.problem.rows
+    gauge = np.zeros(matrix.shape[0] - 1 - n)
+    found = np.linalg.solve(matrix, np.concatenate((gradient, constraints, gauge, [level])))
+    return found[:n], float(found[-1])
+
+
 @pytest.mark.parametrize("place", ["regular", "fold", "beyond"])
 def test_bordered_solution_is_the_dense_one(place: str) -> None:
     """Also on the fold, where the KKT matrix itself is singular."""
@@ -152,13 +163,10 @@ def test_bordered_solution_is_the_dense_one(place: str) -> None:
     gradient, constraints = rng.standard_normal(problem.size), rng.standard_normal(problem.rows)
     system = BorderedSystem(problem, point.x, point.multipliers, point.local, covector, weight)
     p, dlambda, db = system.solve(gradient, constraints, 0.3)
-    matrix = dense_bordered(point, covector, weight)
-    gauge = matrix.shape[0] - 1 - problem.size - problem.rows
-    expected = np.linalg.solve(matrix, np.concatenate((gradient, constraints, np.zeros(gauge), [0.3])))
-    found = np.concatenate((p, dlambda))
-    size = np.abs(expected).max()
-    assert np.abs(found - expected[: found.size]).max() <= 1e-8 * size
-    assert db == pytest.approx(expected[-1], abs=1e-8 * size)
+    expected, width = dense_solution(point, covector, weight, gradient, constraints, 0.3)
+    size = max(np.abs(expected).max(), abs(width))
+    assert np.abs(np.concatenate((p, dlambda)) - expected).max() <= 1e-8 * size
+    assert db == pytest.approx(width, abs=1e-8 * size)
 
 
 def test_elimination_by_the_kkt_matrix_itself_serves_where_the_bordered_one_is_singular() -> None:
@@ -178,12 +186,10 @@ def test_elimination_by_the_kkt_matrix_itself_serves_where_the_bordered_one_is_s
     gradient, constraints = rng.standard_normal(problem.size), rng.standard_normal(problem.rows)
     system = BorderedSystem(problem, point.x, point.multipliers, point.local, a, outer)
     p, dlambda, db = system.solve(gradient, constraints, 0.1)
-    matrix = dense_bordered(point, a, outer)
-    gauge = matrix.shape[0] - 1 - problem.size - problem.rows
-    expected = np.linalg.solve(matrix, np.concatenate((gradient, constraints, np.zeros(gauge), [0.1])))
-    size = np.abs(expected).max()
-    assert np.abs(np.concatenate((p, dlambda)) - expected[: p.size + dlambda.size]).max() <= 1e-7 * size
-    assert db == pytest.approx(expected[-1], abs=1e-7 * size)
+    expected, width = dense_solution(point, a, outer, gradient, constraints, 0.1)
+    size = max(np.abs(expected).max(), abs(width))
+    assert np.abs(np.concatenate((p, dlambda)) - expected).max() <= 1e-7 * size
+    assert db == pytest.approx(width, abs=1e-7 * size)
 
 
 # --- tangents and the metric ---
@@ -256,14 +262,10 @@ def dense_width(point: Point, coordinate: int, value: float) -> float:
         here = point_at(Problem(point.problem.band.with_half_width(b)), x, y)
         unit = np.zeros(x.size)
         unit[coordinate] = 1.0
-        matrix = dense_bordered(here, unit, 0.0)
         gradient = lagrangian_gradient(here.problem, here.local, y)
-        gauge = matrix.shape[0] - 1 - x.size - y.size
-        step = np.linalg.solve(
-            matrix,
-            np.concatenate((-gradient, -here.local.constraints, np.zeros(gauge), [value - x[coordinate]])),
-        )
-        x, y, b = x + step[: x.size], y + step[x.size : x.size + y.size], b + step[-1]
+        residual = (-gradient, -here.local.constraints, float(value - x[coordinate]))
+        step, wider = dense_solution(here, unit, 0.0, *residual)
+        x, y, b = x + step[: x.size], y + step[x.size :], b + wider
         if np.abs(step[: x.size]).max() < 1e-13:
             break
     return float(b)
