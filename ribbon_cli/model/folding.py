@@ -31,6 +31,11 @@ class Folding:
     theta: Array
     eta: Array
 
+    def curvature(self, h: float) -> Array:
+        """Signed curvature (N,) at the nodes of facets of length h, kappa h = theta / sqrt(1 + eta^2)."""
+        out: Array = self.theta / (h * np.sqrt(1.0 + self.eta**2))
+        return out
+
 
 def _rotations(theta: Array, eta: Array) -> Array:
     """Fold rotations (N,3,3) in the facet frame (Rodrigues)."""
