@@ -50,12 +50,13 @@ GUARD_STRICTLY = 5e-2
 """Change since the guard was last asked from which it is asked again; the end always is.
 
 It is asked rarely first, and strictly in a second attempt where it found something to say."""
-ARMIJO = 1e-4
+ARMIJO = 1e-4  # sufficient decrease, Nocedal & Wright (2006), (3.4)
 MOST_CORRECTIONS = 4
 SETTLED = 1e-5
 """Change of the next Newton step up to which a converged point is certified; pi bands have at most 2e-7."""
 NEAR_SADDLE = 1e-3
 NEAR_STEP = 0.05
+"""Residual, and change of the next Newton step, up to which a saddle is stepped onto and left on purpose."""
 
 
 def iterate_at(problem: Problem, x: Array, multipliers: Array | None) -> Iterate:

@@ -29,6 +29,7 @@ DENSE_SEGMENTS = 400
 QUICK_STEPS = 80
 """Lanczos steps without a shift, ten more for each eigenpair, before a shift is looked for."""
 FIRST_SHIFT = -1e-2
+"""Where a search for a shift begins if nothing is known of the eigenvalues."""
 SHIFTED_STEPS = 240
 LANCZOS_TOLERANCE = 1e-9
 SHIFTED_TOLERANCE = 1e-12
