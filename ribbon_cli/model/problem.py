@@ -98,7 +98,7 @@ class LocalDerivatives:
         return self.jacobian[JACOBIAN_ROWS, JACOBIAN_COLUMNS].ravel()
 
     def hessian_entries(self) -> Array:
-        """Structural entries of the Hessian on and above its diagonal, (75N,), ordered likewise."""
+        """Structural entries of the Hessian on and above its diagonal, (72N,), ordered likewise."""
         return self.hessian[HESSIAN_ROWS, HESSIAN_COLUMNS].ravel()
 
 
