@@ -137,13 +137,13 @@ class Point(Iterate):
 
 
 def point_at(problem: Problem, x: Array, multipliers: Array) -> Point:
-    """Evaluate a place, stationary or not."""
+    """Evaluate a place x (7N,) with multipliers (5N+3,), stationary or not."""
     here = iterate_at(problem, x, multipliers)
     return Point(problem, x, multipliers, here.local, here.kkt_residual, here.constraint_residual)
 
 
 def point_of(state: State, multipliers: Array) -> Point:
-    """The point of a stored state."""
+    """The point of a state with its multipliers (5N+3,)."""
     return point_at(Problem(state.band), state.vector(), multipliers)
 
 

@@ -60,7 +60,7 @@ NEAR_STEP = 0.05
 
 
 def iterate_at(problem: Problem, x: Array, multipliers: Array | None) -> Iterate:
-    """Evaluate a place; where no multipliers are known they are zero, and its Hessian is left out."""
+    """Evaluate a place x (7N,); unknown multipliers (5N+3,) count as zero, and the Hessian is left out."""
     local = problem.local_derivatives(x, multipliers)
     if multipliers is None:
         multipliers = np.zeros(problem.rows)
@@ -99,7 +99,7 @@ def inverted_facets(problem: Problem, x: Array) -> Array:
 
 
 def change(x: Array, step: Array) -> float:
-    """Size of a step: the largest change of a tangent, of a ruling over its length, or of xi/4."""
+    """Size of a step (7N,): the largest change of a tangent, of a ruling over its length, or of xi/4."""
     s, y = step.reshape(-1, 7), x.reshape(-1, 7)
     squares, lengths = s * s, y[:, 3:6] * y[:, 3:6]
     tangents = squares[:, 0] + squares[:, 1] + squares[:, 2]

@@ -77,7 +77,8 @@ def grid_shift(roots: Array, h: float, phase: Phase) -> float:
     """Shift in [-h/2, h/2] of a grid of step h that puts inflections on facets' middles or on nodes.
 
     Sliding is a mode of the continuum but not of the grid: which phase is the minimum and which the
-    saddle of index 1 depends on the band. Several inflections share the circular mean of their phases.
+    saddle of index 1 depends on the band. Several inflections, at arclengths `roots` (k,), share the circular
+    mean of their phases.
     """
     if roots.size == 0:
         return 0.0

@@ -64,7 +64,7 @@ class Direction:
 
 
 def start_vector(size: int, fixed: np.ndarray) -> Array:
-    """A fixed start for Lanczos, so that runs repeat bit for bit."""
+    """A fixed start (n,) for Lanczos, zero where `fixed`, so that runs repeat bit for bit."""
     v = np.cos(1.0 + np.arange(size, dtype=np.float64) ** 1.5)
     v[fixed] = 0.0
     return v
