@@ -204,9 +204,9 @@ def _mode(record: StateRecord, index: int | None) -> ModeShape:
 def open_run_or_state(settings: Settings, ref: str) -> tuple[Run | None, tuple[StateRecord, ...]]:
     """A run and no state, or a state in a tuple and its run if it has one. Raises UsageError."""
     from ribbon_cli.api import open_state
-    from ribbon_cli.store import find_run
+    from ribbon_cli.store import find_run, names_state
 
-    if not (":" in ref or "@" in ref or os.path.isfile(ref) or ref.endswith((".h5", ".hdf5", ".npz"))):
+    if not names_state(ref):
         return find_run(settings.root, ref), ()
     run, record, _ = open_state(ref, settings.runs)
     return run, (record,)
