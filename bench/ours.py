@@ -74,7 +74,7 @@ def twisted_guess(segments: int, half_width: float) -> State:
 def certified(result: Result, problem: Problem) -> Result:
     """A result, if its whole certificate holds. Raises RuntimeError if it does not."""
     if problem.prescription.seam is None:
-        result = checked(problem, result, HALF_TWISTS)
+        result = checked(result, HALF_TWISTS)
     if not result.certified or (inverted_facets(problem, result.x) <= 0).any():
         raise RuntimeError(f"b = {problem.band.half_width:g}, N = {problem.band.segments}: {result.message}")
     return result

@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+import time
 from inspect import signature
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from typing import Any
 from click.testing import CliRunner, Result
 
 from ribbon_cli.cli.main import cli
+from ribbon_cli.store import list_runs
 
 ESCAPE = "\x1b"
 COMMAND = [sys.executable, "-m", "ribbon_cli"]
@@ -61,6 +63,27 @@ def environment(**changes: str) -> dict[str, str]:
     """This process's environment without what would change the command line's behaviour."""
     kept = {k: v for k, v in os.environ.items() if k not in ("RIBBON_RUNS", "NO_COLOR", "FORCE_COLOR")}
     return kept | changes
+
+
+def content_hashes(root: Path) -> dict[int, str]:
+    """Content hashes by label of the one run in a folder of runs, checked against the files."""
+    (made,) = list_runs(root)
+    for label in made.entries():
+        made.check_file(label)
+    return {state["label"]: state["content_sha256"] for state in made.states(all=True)}
+
+
+def states_on_disk(folder: Path) -> int:
+    """How many state files lie below `folder`/runs, committed or not."""
+    return len(list(folder.glob("runs/*/states/*.h5")))
+
+
+def stop_after(process: subprocess.Popen[str], folder: Path, states: int, number: int) -> str:
+    """Send a signal as soon as so many states are on disk, and wait for the end; standard error."""
+    while states_on_disk(folder) < states and process.poll() is None:
+        time.sleep(0.001)
+    process.send_signal(number)
+    return process.communicate(timeout=60)[1]
 
 
 def spawn(*args: str | Path, cwd: Path, **changes: str) -> subprocess.Popen[str]:

@@ -139,26 +139,37 @@ def dense_bordered(point: Point, covector: Array, weight: float) -> Array:
     return matrix
 
 
+def compare_with_dense(point: Point, covector: Array, weight: float, seed: int, tolerance: float) -> None:
+    """Solve with random right-hand sides, and by the matrix written out."""
+    problem, rng = point.problem, np.random.default_rng(seed)
+    rhs = rng.standard_normal(problem.size), rng.standard_normal(problem.rows), 0.3
+    system = BorderedSystem(problem, point.x, point.multipliers, point.local, covector, weight)
+    p, dlambda, db = system.solve(*rhs)
+    expected, width = dense_solution(point, covector, weight, *rhs)
+    size = max(np.abs(expected).max(), abs(width))
+    assert np.abs(np.concatenate((p, dlambda)) - expected).max() <= tolerance * size
+    assert db == pytest.approx(width, abs=tolerance * size)
+
+
+def dense_solution(
+    point: Point, covector: Array, weight: float, gradient: Array, constraints: Array, level: float
+) -> tuple[Array, float]:
+    """Changes of x and lambda in one vector, and that of b, by the matrix written out."""
+    matrix = dense_bordered(point, covector, weight)
+    n = point.problem.size + point.problem.rows
+    gauge = np.zeros(matrix.shape[0] - 1 - n)
+    found = np.linalg.solve(matrix, np.concatenate((gradient, constraints, gauge, [level])))
+    return found[:n], float(found[-1])
+
+
 @pytest.mark.parametrize("place", ["regular", "fold", "beyond"])
 def test_bordered_solution_is_the_dense_one(place: str) -> None:
     """Also on the fold, where the KKT matrix itself is singular."""
     events, points, _ = around_the_fold()
     point = {"regular": points[0], "fold": one(events, "fold").point, "beyond": points[-1]}[place]
-    problem = point.problem
     tangent = one(events, "fold").tangent
-    inner, outer = weights(problem.band)
-    covector, weight = inner * tangent.x, outer * tangent.half_width
-    rng = np.random.default_rng(5)
-    gradient, constraints = rng.standard_normal(problem.size), rng.standard_normal(problem.rows)
-    system = BorderedSystem(problem, point.x, point.multipliers, point.local, covector, weight)
-    p, dlambda, db = system.solve(gradient, constraints, 0.3)
-    matrix = dense_bordered(point, covector, weight)
-    gauge = matrix.shape[0] - 1 - problem.size - problem.rows
-    expected = np.linalg.solve(matrix, np.concatenate((gradient, constraints, np.zeros(gauge), [0.3])))
-    found = np.concatenate((p, dlambda))
-    size = np.abs(expected).max()
-    assert np.abs(found - expected[: found.size]).max() <= 1e-8 * size
-    assert db == pytest.approx(expected[-1], abs=1e-8 * size)
+    inner, outer = weights(point.problem.band)
+    compare_with_dense(point, inner * tangent.x, outer * tangent.half_width, seed=5, tolerance=1e-8)
 
 
 def test_elimination_by_the_kkt_matrix_itself_serves_where_the_bordered_one_is_singular() -> None:
@@ -167,23 +178,15 @@ def test_elimination_by_the_kkt_matrix_itself_serves_where_the_bordered_one_is_s
     A border a with a' K^-1 a = 0 makes [[K, a], [a', 0]] singular.
     """
     point = around_the_fold()[1][-1]
-    problem, model = point.problem, DenseModel(point.problem, point.local, point.problem.rotations(point.x))
+    problem = point.problem
+    model = DenseModel(problem, point.local, problem.rotations(point.x))
     values, vectors = model.values, model.vectors
     assert values[0] < 0 < values[1]
     outer = weights(problem.band)[1]
     # The quadratic form's zero in the plane of two eigenvectors, drawn to the pattern of a border.
     a = math.sqrt(-values[0]) * vectors[:, 0] + math.sqrt(values[1]) * vectors[:, 1]
     a[6::7] = 0.0
-    rng = np.random.default_rng(1)
-    gradient, constraints = rng.standard_normal(problem.size), rng.standard_normal(problem.rows)
-    system = BorderedSystem(problem, point.x, point.multipliers, point.local, a, outer)
-    p, dlambda, db = system.solve(gradient, constraints, 0.1)
-    matrix = dense_bordered(point, a, outer)
-    gauge = matrix.shape[0] - 1 - problem.size - problem.rows
-    expected = np.linalg.solve(matrix, np.concatenate((gradient, constraints, np.zeros(gauge), [0.1])))
-    size = np.abs(expected).max()
-    assert np.abs(np.concatenate((p, dlambda)) - expected[: p.size + dlambda.size]).max() <= 1e-7 * size
-    assert db == pytest.approx(expected[-1], abs=1e-7 * size)
+    compare_with_dense(point, a, outer, seed=1, tolerance=1e-7)
 
 
 # --- tangents and the metric ---
@@ -256,14 +259,10 @@ def dense_width(point: Point, coordinate: int, value: float) -> float:
         here = point_at(Problem(point.problem.band.with_half_width(b)), x, y)
         unit = np.zeros(x.size)
         unit[coordinate] = 1.0
-        matrix = dense_bordered(here, unit, 0.0)
         gradient = lagrangian_gradient(here.problem, here.local, y)
-        gauge = matrix.shape[0] - 1 - x.size - y.size
-        step = np.linalg.solve(
-            matrix,
-            np.concatenate((-gradient, -here.local.constraints, np.zeros(gauge), [value - x[coordinate]])),
-        )
-        x, y, b = x + step[: x.size], y + step[x.size : x.size + y.size], b + step[-1]
+        residual = (-gradient, -here.local.constraints, float(value - x[coordinate]))
+        step, wider = dense_solution(here, unit, 0.0, *residual)
+        x, y, b = x + step[: x.size], y + step[x.size :], b + wider
         if np.abs(step[: x.size]).max() < 1e-13:
             break
     return float(b)

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import signal
-import time
 from pathlib import Path
 
 import pytest
-from cli_support import parse_json, ribbon, ribbon_json, run, spawn
+from cli_support import content_hashes, ribbon, ribbon_json, spawn, states_on_disk, stop_after
 
 from ribbon_cli.config import Arclength, ConfigError, load_config, parse_config
-from ribbon_cli.store import list_runs
 
 DATA = Path(__file__).parent / "data"
 FOLD = 0.112567997723
@@ -30,14 +28,6 @@ initial_guess: {recipe: eversion, segments: 40, half_width: 0.08, steps: 10}
 widths: {arclength: {to: 0.105, switch: 1}}
 spectrum: {modes: 0, full_up_to: 0}
 """
-
-
-def hashes(root: Path) -> dict[int, str]:
-    """Content hashes by label, checked against the files."""
-    (made,) = list_runs(root)
-    for label in made.entries():
-        made.check_file(label)
-    return {state["label"]: state["content_sha256"] for state in made.states(all=True)}
 
 
 @pytest.fixture(scope="module")
@@ -104,29 +94,27 @@ def test_text_shows_the_branch(fold_run):
 
 def test_the_same_line_again_finds_everything(fold_run):
     folder, solved = fold_run
-    before = hashes(folder / "runs")
+    before = content_hashes(folder / "runs")
     again = ribbon_json("solve", folder / "fold.yaml", "--runs", folder / "runs", "-q")
     assert again["new_states"] == 0
     assert again["branches"] == solved["branches"]
-    assert hashes(folder / "runs") == before
+    assert content_hashes(folder / "runs") == before
 
 
-@pytest.mark.parametrize("states", [4, 11])
-def test_killed_and_resumed_a_branch_has_the_same_bytes(fold_run, tmp_path, states):
-    """SIGKILL after so many states, then the same line again."""
+def test_killed_and_resumed_a_branch_has_the_same_bytes(fold_run, tmp_path):
+    """SIGKILL after so many states, and again further on, then the same line once more."""
     folder, _ = fold_run
+    expected = content_hashes(folder / "runs")
     (tmp_path / "fold.yaml").write_text(CONFIG)
-    with spawn("solve", "fold.yaml", "-q", cwd=tmp_path) as process:
-        while len(list(tmp_path.glob("runs/*/states/*.h5"))) < states and process.poll() is None:
-            time.sleep(0.001)
-        process.send_signal(signal.SIGKILL)
-        process.communicate(timeout=60)
-    assert process.returncode == -signal.SIGKILL
-    kept = len(list(tmp_path.glob("runs/*/states/*.h5")))
-    done = run("solve", "fold.yaml", "--json", "-q", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert parse_json(done.stdout)["new_states"] == len(hashes(folder / "runs")) - kept
-    assert hashes(tmp_path / "runs") == hashes(folder / "runs")
+    for states in (4, 11):
+        with spawn("solve", "fold.yaml", "-q", cwd=tmp_path) as process:
+            stop_after(process, tmp_path, states, signal.SIGKILL)
+        assert process.returncode == -signal.SIGKILL
+        kept = states_on_disk(tmp_path)
+        assert states <= kept < len(expected)
+    resumed = ribbon_json("solve", tmp_path / "fold.yaml", "--runs", tmp_path / "runs", "-q")
+    assert resumed["new_states"] == len(expected) - kept
+    assert content_hashes(tmp_path / "runs") == expected
 
 
 @pytest.fixture

@@ -171,20 +171,25 @@ def test_shared_options_go_before_and_after_the_command(tmp_path):
     assert ribbon("ls", "--json", env={"RIBBON_RUNS": str(tmp_path / "mine")}).stdout == expected
 
 
+def list_into(output, folder):
+    """`ribbon ls` with its standard output somewhere else."""
+    return subprocess.run(
+        [*COMMAND, "ls"],
+        cwd=folder,
+        stdout=output,
+        stderr=subprocess.PIPE,
+        env=environment(),
+        text=True,
+        check=False,
+    )
+
+
 def test_a_reader_that_leaves_is_no_failure(tmp_path):
     make_run(tmp_path / "runs", 1)
     read, write = os.pipe()
     os.close(read)
     with os.fdopen(write, "w") as gone:
-        done = subprocess.run(
-            [*COMMAND, "ls"],
-            cwd=tmp_path,
-            stdout=gone,
-            stderr=subprocess.PIPE,
-            env=environment(),
-            text=True,
-            check=False,
-        )
+        done = list_into(gone, tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
 
 
@@ -192,15 +197,7 @@ def test_a_reader_that_leaves_is_no_failure(tmp_path):
 def test_a_full_disk_is_a_failure(tmp_path):
     make_run(tmp_path / "runs", 1)
     with open("/dev/full", "w") as full:
-        done = subprocess.run(
-            [*COMMAND, "ls"],
-            cwd=tmp_path,
-            stdout=full,
-            stderr=subprocess.PIPE,
-            env=environment(),
-            text=True,
-            check=False,
-        )
+        done = list_into(full, tmp_path)
     assert done.returncode == 1
     assert done.stderr == "ribbon: standard output cannot be written: No space left on device\n"
 

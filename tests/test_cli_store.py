@@ -266,3 +266,11 @@ def test_a_process_prints_json_alone_and_no_escape_codes(folder):
         assert (done.returncode, done.stderr) == (0, "")
         assert done.stdout[0] in "[{"
         assert ESCAPE not in run(*words, cwd=folder, FORCE_COLOR="1").stdout
+
+
+def test_a_run_below_a_folder_with_marks_in_its_name_is_no_state(tmp_path):
+    """As for every other command, what is a folder is a run."""
+    made = make_run(tmp_path / "a@b")
+    result = ribbon("export", made.path, "--to", "npz")
+    assert result.exit_code == 2
+    assert f"npz takes one state: name one of {made.name}" in result.stderr

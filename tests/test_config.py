@@ -40,7 +40,6 @@ def test_the_example_of_the_documentation() -> None:
         discretisation="thesis",
         guess=Guess("twist", 50, 0.1, 50),
         widths=(0.1, 0.2, 0.5, 0.8, 1.0, 1.5),
-        widths_kind="list",
         refinement=Refinement((50, 100, 200, 400)),
         spectrum=SpectrumRequest(12, 200, ("euclidean", "physical")),
         contact="record",
@@ -65,7 +64,6 @@ def test_a_range_of_widths_follows_the_schedule() -> None:
     config = parse_config(
         changed("[0.1, 0.2, 0.5, 0.8, 1.0, 1.5]", "{from: 0.1, to: 1.5, steps: 28}"), "m.yaml"
     )
-    assert config.widths_kind == "range"
     assert len(config.widths) == 29
     assert config.widths[0] == 0.1
     assert config.widths[-1] == 1.5

@@ -20,7 +20,7 @@ from ribbon_cli.paper import claims
 from ribbon_cli.paper.figures import ITEMS
 from ribbon_cli.paper.make import make
 from ribbon_cli.plot.kinds import KINDS
-from ribbon_cli.plot.levels import lowest_elastic
+from ribbon_cli.plot.levels import lowest_value
 
 ROOT = Path(__file__).parent.parent
 OF_A_STATE = ("shape", "geometry", "multipliers", "spectrum", "mode", "pattern")
@@ -140,7 +140,7 @@ def test_what_cannot_be_drawn(words, message, solved, tmp_path, monkeypatch):  #
 def test_the_lowest_elastic_eigenvalue_is_no_rotation(solved):  # noqa: F811
     for state in states_of(solved, "mobius"):
         (physical,) = (s for s in state.spectra if s.metric == "physical")
-        value = lowest_elastic(state)
+        value = lowest_value(state, "rotation", "sliding")
         assert value in physical.values
         assert physical.labels[list(physical.values).index(value)] == "mode"
 

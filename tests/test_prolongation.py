@@ -18,9 +18,9 @@ from ribbon_cli.solver.prolongation import (
     Phase,
     Start,
     closed_spline,
-    curvature,
     grid_shift,
     inflections,
+    inflections_of,
     phase_of,
     smooth,
     split,
@@ -81,7 +81,7 @@ def test_order_of_convergence(levels: dict[int, Result]) -> None:
 
 def test_minima_have_their_inflection_in_the_middle_of_a_facet(levels: dict[int, Result]) -> None:
     for n, result in levels.items():
-        roots = inflections(curvature(result.state), result.state.band) / result.state.band.h
+        roots = inflections_of(result.state) / result.state.band.h
         assert roots.size == 1, n
         assert float(roots[0] % 1.0) == pytest.approx(0.5, abs=0.02), n
         assert phase_of(result.state) is Phase.FACET

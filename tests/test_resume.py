@@ -8,30 +8,19 @@ import time
 from pathlib import Path
 
 import pytest
-from cli_support import QUICK_MOBIUS, parse_json, run, spawn
+from cli_support import QUICK_MOBIUS, content_hashes, parse_json, run, spawn, states_on_disk
 
 from ribbon_cli.store import list_runs
 
 KILLS = 6
 
 
-def solve(folder: Path, *words: str) -> dict[str, str]:
+def solve(folder: Path, *words: str) -> dict[int, str]:
     """Solve to the end; the content hash of every state by label, checked against the files."""
     done = run("solve", "mobius.yaml", "--json", "-q", *words, cwd=folder)
     assert done.returncode == 0, done.stderr
     assert parse_json(done.stdout)["failures"] == []
-    return hashes(folder)
-
-
-def hashes(folder: Path) -> dict[str, str]:
-    (made,) = list_runs(folder / "runs")
-    for label in made.entries():
-        made.check_file(label)
-    return {state["label"]: state["content_sha256"] for state in made.states(all=True)}
-
-
-def states_on_disk(folder: Path) -> int:
-    return len(list(folder.glob("runs/*/states/*.h5")))
+    return content_hashes(folder / "runs")
 
 
 @pytest.fixture(scope="module")
@@ -77,7 +66,7 @@ def test_stopped_by_a_signal(left_alone, tmp_path, number, code):
     expected, _ = left_alone
     (tmp_path / "mobius.yaml").write_text(QUICK_MOBIUS)
     assert interrupt(tmp_path, number, 2, 0.0) == code
-    kept = hashes(tmp_path)
+    kept = content_hashes(tmp_path / "runs")
     assert 0 < len(kept) < len(expected)
     assert kept.items() <= expected.items()
     assert solve(tmp_path) == expected

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import signal
-import time
 from pathlib import Path
 
 import pytest
-from cli_support import ribbon_json, spawn
-
-from ribbon_cli.store import list_runs
+from cli_support import content_hashes, ribbon_json, spawn, states_on_disk, stop_after
 
 # The only step of the eversion fails, and its halves do not.
 EVERSION = """\
@@ -40,18 +37,6 @@ SOLVE = ("solve", "band.yaml")
 AROUND_THE_FOLD = ("continue", "band:1", "--to", "0.12", "--back-to", "0.105", "--arclength")
 
 
-def hashes(folder: Path) -> dict[int, str]:
-    """Content hashes by label, checked against the files."""
-    (made,) = list_runs(folder / "runs")
-    for label in made.entries():
-        made.check_file(label)
-    return {state["label"]: state["content_sha256"] for state in made.states(all=True)}
-
-
-def states_on_disk(folder: Path) -> int:
-    return len(list(folder.glob("runs/*/states/*.h5")))
-
-
 @pytest.mark.parametrize(
     ("config", "words", "kills"),
     [
@@ -62,7 +47,11 @@ def states_on_disk(folder: Path) -> int:
     ids=["eversion", "schoenke", "continue-arclength"],
 )
 def test_killed_and_resumed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, config: str, words: tuple[str, ...], kills: tuple[int]
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    config: str,
+    words: tuple[str, ...],
+    kills: tuple[int, ...],
 ) -> None:
     """Killed after so many states are on disk, and killed again, then left to end."""
     alone, killed = tmp_path / "alone", tmp_path / "killed"
@@ -74,17 +63,14 @@ def test_killed_and_resumed(
             ribbon_json(*SOLVE, "-q")
     monkeypatch.chdir(alone)
     ribbon_json(*words, "-q")
-    expected = hashes(alone)
+    expected = content_hashes(alone / "runs")
     monkeypatch.chdir(killed)
     for wanted in kills:
         with spawn(*words, "-q", cwd=killed) as process:
-            while states_on_disk(killed) < wanted and process.poll() is None:
-                time.sleep(0.001)
-            process.send_signal(signal.SIGKILL)
-            process.communicate(timeout=60)
+            stop_after(process, killed, wanted, signal.SIGKILL)
         assert process.returncode == -signal.SIGKILL
         kept = states_on_disk(killed)
         assert wanted <= kept < len(expected)
     ended = ribbon_json(*words, "-q")
     assert ended["new_states"] == len(expected) - kept
-    assert hashes(killed) == expected
+    assert content_hashes(killed / "runs") == expected

@@ -39,7 +39,7 @@ def init(settings: Settings, template: str, output: str | None, listing: bool) -
         hint = suggest(template, known) or f": there are {', '.join(known)}"
         raise UsageError(f"no template {template!r}{hint}")
     path = output or f"{template}.yaml"
-    check_target(path, overwrite=False)
+    check_target(path, overwrite=False, hint="choose another with -o")
     write_atomic(path, known[template].encode())
     emit_json({"path": path, "template": template}) if settings.json else emit(path)
     say(settings, f"written; `ribbon check {path}` tells what it will do")

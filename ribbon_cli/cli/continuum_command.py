@@ -7,7 +7,7 @@ from typing import Any
 from ribbon_cli.cli.output import complain, emit, emit_json
 from ribbon_cli.cli.settings import Settings
 from ribbon_cli.errors import TargetError, UsageError
-from ribbon_cli.store.refs import names_state
+from ribbon_cli.store.refs import names_state, no_equilibria
 
 
 def show_continuum(settings: Settings, ref: str) -> int:
@@ -48,9 +48,7 @@ def _show_run(settings: Settings, ref: str) -> tuple[dict[str, Any], str, list[s
     run = find_run(settings.root, ref)
     found = continuum_of_run(run)
     if not found:
-        raise UsageError(
-            f"{run.name} has no equilibria yet; `ribbon ls {run.short_name} --all` lists its states"
-        )
+        raise UsageError(no_equilibria(run))
     tables = order_tables(found)
     failed = [f"{run.short_name}:{state.label}" for state in found if not state.certified]
     return tables_document(tables, run.name), tables_text(tables), failed

@@ -76,7 +76,7 @@ def export(
     else:
         stem = f"{run.short_name}-{states[0].label}" if run else os.path.splitext(os.path.basename(state))[0]
     path = output or f"{stem}.{form}"
-    check_target(path, overwrite, "add --overwrite, or choose another with -o")
+    check_target(path, overwrite)
     if form == "npz":
         from ribbon_cli.store import export_npz
 
@@ -109,7 +109,7 @@ def _write(path: str, data: list[bytes], overwrite: bool) -> list[str]:
     stem, suffix = os.path.splitext(path)
     paths = [path] if len(data) == 1 else [f"{stem}-{k}{suffix}" for k in range(1, len(data) + 1)]
     for name in paths:
-        check_target(name, overwrite, "add --overwrite, or choose another with -o")
+        check_target(name, overwrite)
     for name, content in zip(paths, data, strict=True):
         write_atomic(name, content, overwrite=overwrite)
     return paths

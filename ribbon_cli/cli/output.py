@@ -61,7 +61,27 @@ def complain(text: str) -> None:
         return
 
 
-def check_target(path: str | os.PathLike[str], overwrite: bool, hint: str = "choose another with -o") -> None:
+def deliver(settings: Settings, text: str, path: str | None) -> None:
+    """Write data to standard output or, where the user names one, to a file; `check_target` came before."""
+    if path is None:
+        emit(text)
+        return
+    from ribbon_cli.store import write_atomic
+
+    write_atomic(path, text.encode(), overwrite=True)
+    say(settings, f"wrote {path}")
+
+
+def text_format(settings: Settings, form: str | None) -> str:
+    """The format to write: --json and --format are two ways to say it. Raises UsageError if they disagree."""
+    if settings.json and form not in (None, "json"):
+        raise UsageError(f"--json and --format {form} exclude each other: give one")
+    return "json" if settings.json else form or "text"
+
+
+def check_target(
+    path: str | os.PathLike[str], overwrite: bool, hint: str = "add --overwrite, or choose another with -o"
+) -> None:
     """Check a file that is about to be written.
 
     Raises UsageError where it is a folder or a device, exists and is not to be overwritten, or would lie in

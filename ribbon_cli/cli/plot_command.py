@@ -15,7 +15,6 @@ from ribbon_cli.errors import UsageError
 if TYPE_CHECKING:
     from ribbon_cli.plot.kinds import Source
     from ribbon_cli.plot.modes import ModeShape
-    from ribbon_cli.report.convergence import Table
     from ribbon_cli.store import Run, StateRecord
 
 PLOT_KINDS = (
@@ -99,7 +98,7 @@ def plot(
     form = figure_format(output, moving=kind == "mode") if output else "pdf"
     source = _source(settings, ref, kind, others, view, segments, index)
     path = output or f"{_stem(source, ref)}-{kind}.pdf"
-    check_target(path, overwrite, "add --overwrite, or choose another with -o")
+    check_target(path, overwrite)
     picture = draw(kind, source, style)
     run = source.run.name if source.run else None
     caption = state_caption(picture.states, run) if picture.states else str(run)
@@ -150,7 +149,7 @@ def _source(
     from functools import partial
 
     from ribbon_cli.plot.kinds import Source
-    from ribbon_cli.study import multiplier_curves
+    from ribbon_cli.study import multiplier_curves, run_table
 
     run, states = open_run_or_state(settings, ref)
     more = [open_run_or_state(settings, other) for other in others]
@@ -167,7 +166,7 @@ def _source(
         states = (*states, *(record for _, found in more for record in found))
         run = run if run and all(other and other.path == run.path for other, _ in more) else None
     mode = partial(_mode, index=index)
-    return Source(run, states, _table, multiplier_curves, mode, _angles(view), segments, beside)
+    return Source(run, states, run_table, multiplier_curves, mode, _angles(view), segments, beside)
 
 
 def _mode(record: StateRecord, index: int | None) -> ModeShape:
@@ -205,9 +204,9 @@ def _mode(record: StateRecord, index: int | None) -> ModeShape:
 def open_run_or_state(settings: Settings, ref: str) -> tuple[Run | None, tuple[StateRecord, ...]]:
     """A run and no state, or a state in a tuple and its run if it has one. Raises UsageError."""
     from ribbon_cli.api import open_state
-    from ribbon_cli.store import find_run
+    from ribbon_cli.store import find_run, names_state
 
-    if not (":" in ref or "@" in ref or os.path.isfile(ref) or ref.endswith((".h5", ".hdf5", ".npz"))):
+    if not names_state(ref):
         return find_run(settings.root, ref), ()
     run, record, _ = open_state(ref, settings.runs)
     return run, (record,)
@@ -231,11 +230,3 @@ def _stem(source: Source, ref: str) -> str:
     if source.run is None:
         return os.path.splitext(os.path.basename(ref))[0]
     return "-".join([source.run.short_name, *(str(record.label) for record in source.states[:1])])
-
-
-def _table(run: Run) -> Table:
-    """The convergence table of a run."""
-    from ribbon_cli.report.convergence import convergence_rows
-    from ribbon_cli.study import table_entries
-
-    return convergence_rows(table_entries(run), *(state["length"] for state in run.states()[:1]))

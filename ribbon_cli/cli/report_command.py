@@ -26,6 +26,6 @@ def report_page(settings: Settings, run: str, output: str | None, overwrite: boo
 
     found = find_run(settings.root, run)
     path = output or f"{found.short_name}.html"
-    check_target(path, overwrite, "add --overwrite, or choose another with -o")
+    check_target(path, overwrite)
     write_atomic(path, run_page(found), overwrite=overwrite)
     emit_json({"path": path, "run": found.name}) if settings.json else emit(path)

@@ -57,7 +57,7 @@ def pack(settings: Settings, run: str, output: str | None, overwrite: bool) -> N
 
     found = find_run(settings.root, run)
     path = output or f"{found.name}.pack.h5"
-    check_target(path, overwrite, "add --overwrite, or choose another with -o")
+    check_target(path, overwrite)
     states = write(found, Path(path), overwrite)
     if settings.json:
         emit_json({"run": found.name, "path": path, "states": states, "bytes": os.path.getsize(path)})

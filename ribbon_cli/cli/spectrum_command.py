@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from ribbon_cli.cli.completion import complete_any, complete_file
-from ribbon_cli.cli.output import check_target, complain, emit, emit_json, say
+from ribbon_cli.cli.output import check_target, complain, deliver, emit_json, say, text_format
 from ribbon_cli.cli.settings import Settings, common_options, pass_settings
 from ribbon_cli.errors import TargetError, UsageError
 
@@ -43,27 +43,23 @@ def spectrum(
     The modes of a STATE are rotations, sliding along the band, checkerboards of the discretisation and
     others, with signs under each symmetry that it has. With --convergence, a table of a RUN over N.
     """
-    if settings.json and style not in (None, "json"):
-        raise UsageError(f"--json and --format {style} exclude each other: give one")
     from ribbon_cli.store import names_state
 
-    style = "json" if settings.json else style or "text"
+    style = text_format(settings, style)
     if full and (convergence or modes):
         raise UsageError("--full lists every mode: leave out --modes and --convergence")
     if style == "npz" and (output is None or convergence or not names_state(ref)):
         raise UsageError("--format npz holds the modes of one STATE: name it, and the file with -o")
     if output is not None:
-        check_target(output, overwrite, "add --overwrite, or choose another with -o")
+        check_target(output, overwrite)
     if convergence:
         document, failures = _converge(settings, ref, metric, modes)
     elif full and not names_state(ref):
         document, failures = _all_of_run(settings, ref, metric), []
     else:
-        document, failures = (
-            _analyse(settings, ref, metric, modes, full, output if style == "npz" else None, overwrite),
-            [],
-        )
-        if style == "npz":
+        archive = output if style == "npz" else None
+        document, failures = _analyse(settings, ref, metric, modes, full, archive, overwrite), []
+        if archive is not None:
             return 0
     _write(settings, document, style, output)
     for failure in failures:
@@ -129,7 +125,6 @@ def _write(settings: Settings, document: dict[str, Any], style: str, output: str
     import json
 
     from ribbon_cli.report.spectra import renderers
-    from ribbon_cli.store import write_atomic
     from ribbon_cli.store.log import to_json
 
     if style == "json" and output is None:
@@ -140,8 +135,4 @@ def _write(settings: Settings, document: dict[str, Any], style: str, output: str
         if style == "json"
         else renderers(document)[style](document)
     )
-    if output is None:
-        emit(text)
-        return
-    write_atomic(output, text.encode(), overwrite=True)
-    say(settings, f"wrote {output}")
+    deliver(settings, text, output)

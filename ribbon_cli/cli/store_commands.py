@@ -98,10 +98,12 @@ def _known(name: str, word: str | None, known: Iterable[str]) -> None:
 
 def _emptiness(run: Run) -> str:
     """Why a run's listing is empty."""
+    from ribbon_cli.store.refs import no_equilibria
+
     if run.states():
         return f"{run.name} has no such states"
     if run.entries():
-        return f"{run.name} has no equilibria yet; `ribbon ls {run.short_name} --all` lists its states"
+        return no_equilibria(run)
     return f"{run.name} has no states yet"
 
 

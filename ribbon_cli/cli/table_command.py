@@ -9,14 +9,12 @@ from typing import TYPE_CHECKING
 import click
 
 from ribbon_cli.cli.completion import complete_file, complete_source, complete_state
-from ribbon_cli.cli.output import check_target, complain, emit, say
+from ribbon_cli.cli.output import check_target, complain, deliver, say, text_format
 from ribbon_cli.cli.settings import Settings, common_options, pass_settings
 from ribbon_cli.cli.solve_commands import run_stages
 from ribbon_cli.errors import StoreError, TargetError, UsageError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from ribbon_cli.report.convergence import ComparisonRow, Entry, Table
     from ribbon_cli.store import Run
     from ribbon_cli.study import Outcome
@@ -53,28 +51,22 @@ def convergence_table(
     error, and the exit code is 3.
     """
     from ribbon_cli.cli.render import gathered
+    from ribbon_cli.report.tables import RENDERERS
 
-    style = _style(settings, style)
+    style = text_format(settings, style)
     if second_minimum and not thesis:
         raise UsageError("--second-minimum needs --thesis")
     if output is not None:
-        check_target(output, overwrite, "add --overwrite, or choose another with -o")
+        check_target(output, overwrite)
     other = _entry_of(settings, second_minimum) if second_minimum else None
     run, outcome = _run(settings, source, thesis)
     table = _table(run, outcome)
     comparison = _comparison(settings, run, table, other) if thesis else ()
-    _write(settings, table, comparison, style, output)
+    deliver(settings, RENDERERS[style](table, comparison), output)
     failures = [*gathered(outcome.failures if outcome else ()), *_uncertified(run, table, outcome)]
     for failure in failures:
         complain(f"ribbon: {failure}")
     return TargetError.exit_code if failures else 0
-
-
-def _style(settings: Settings, style: str | None) -> str:
-    """The format to write. Raises UsageError when two are asked for."""
-    if settings.json and style not in (None, "json"):
-        raise UsageError(f"--json and --format {style} exclude each other: give one")
-    return "json" if settings.json else style or "text"
 
 
 def _run(settings: Settings, source: str, thesis: bool) -> tuple[Run, Outcome | None]:
@@ -115,13 +107,12 @@ def _table(run: Run, outcome: Outcome | None) -> Table:
     what was committed.
     """
     from ribbon_cli.report.convergence import convergence_rows
+    from ribbon_cli.store.refs import no_equilibria
     from ribbon_cli.study import table_entries
 
     states = run.states()
     if not states and outcome is None:
-        raise UsageError(
-            f"{run.name} has no equilibria yet; `ribbon ls {run.short_name} --all` lists its states"
-        )
+        raise UsageError(no_equilibria(run))
     entries = table_entries(run)
     damaged = run.damage(int(entry.label or 0) for entry in entries)
     if damaged:
@@ -162,18 +153,3 @@ def _comparison(settings: Settings, run: Run, table: Table, other: Entry | None)
         places = "; ".join(f"{b}, N = {', '.join(segments)}" for b, segments in missing.items())
         say(settings, f"in Table 3.1 but not in {run.name}: {places}")
     return comparison
-
-
-def _write(
-    settings: Settings, table: Table, comparison: Sequence[ComparisonRow], style: str, output: str | None
-) -> None:
-    """Print the table, or write it to a file."""
-    from ribbon_cli.report.tables import RENDERERS
-    from ribbon_cli.store import write_atomic
-
-    text = RENDERERS[style](table, comparison)
-    if output is None:
-        emit(text)
-        return
-    write_atomic(output, text.encode(), overwrite=True)
-    say(settings, f"wrote {output}")

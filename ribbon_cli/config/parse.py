@@ -78,7 +78,6 @@ def parse_config(text: str, path: str | os.PathLike[str]) -> Config:
     contact = sections.choice(reader, top, "contact", ("record", "stop"))
     if problems.found or half_twists is None or length is None or widths is None:
         raise problems.error()
-    is_range = given is not None and given.kind == "mapping" and branch is None
     return Config(
         name=name,
         half_twists=half_twists,
@@ -86,7 +85,6 @@ def parse_config(text: str, path: str | os.PathLike[str]) -> Config:
         discretisation=discretisation,
         guess=guess,
         widths=widths,
-        widths_kind="range" if is_range else "list",
         refinement=refinement,
         spectrum=spectrum,
         contact=contact,

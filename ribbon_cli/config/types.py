@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any
 
 import yaml
 
@@ -101,9 +101,8 @@ class Config:
     """A whole config, checked and resolved.
 
     `half_twists` n means the linking number n/2, sign included; `length` is the midline's. `widths` are
-    half-widths b in the order of solving, empty where a state's own width is all that is asked for;
-    `widths_kind` tells how they were given. With `arclength` a branch is followed instead. `text` is the
-    file as written, `path` as the user gave it.
+    half-widths b in the order of solving, empty where a state's own width is all that is asked for. With
+    `arclength` a branch is followed instead. `text` is the file as written, `path` as the user gave it.
     """
 
     name: str
@@ -112,7 +111,6 @@ class Config:
     discretisation: str
     guess: Guess
     widths: tuple[float, ...]
-    widths_kind: Literal["list", "range"]
     refinement: Refinement
     spectrum: SpectrumRequest
     contact: str

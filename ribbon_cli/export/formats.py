@@ -32,12 +32,11 @@ class Options:
 
 @dataclass(frozen=True)
 class Format:
-    """A format: what it is, whether it takes a whole run, and which options it heeds.
+    """A format: how it is written, whether it takes a whole run, and which options it heeds.
 
     `write` returns the files' bytes, one but for a pattern on pages.
     """
 
-    help: str
     write: Callable[[Sequence[StateRecord], str, str | None, Options], list[bytes]]
     series: bool = False
     options: tuple[str, ...] = ()
@@ -109,15 +108,15 @@ def _html(states: Sequence[StateRecord], title: str, run: str | None, options: O
 
 
 FORMATS = {
-    "obj": Format("surface, Wavefront OBJ", _obj),
-    "stl": Format("solid of a paper's thickness for 3D printing", _stl, options=("size", "thickness")),
-    "ply": Format("surface with fields, binary PLY", _ply),
-    "vtkhdf": Format("surface with fields for ParaView; a run as a series", _vtkhdf, True, ("segments",)),
-    "csv": Format("fields, a row a node", _csv),
-    "json": Format("everything but the modes", _json),
-    "svg": Format("fold pattern at true scale", _svg, options=("size", "paper")),
-    "pdf": Format("fold pattern at true scale on sheets", _pdf, options=("size", "paper")),
-    "html": Format("viewer in one file; a run with a slider for the width", _html, True, ("segments",)),
+    "obj": Format(_obj),
+    "stl": Format(_stl, options=("size", "thickness")),
+    "ply": Format(_ply),
+    "vtkhdf": Format(_vtkhdf, True, ("segments",)),
+    "csv": Format(_csv),
+    "json": Format(_json),
+    "svg": Format(_svg, options=("size", "paper")),
+    "pdf": Format(_pdf, options=("size", "paper")),
+    "html": Format(_html, True, ("segments",)),
 }
 """Formats but for npz, which is the store's own. A new format is a new row."""
 

@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from ribbon_cli.errors import UsageError
-from ribbon_cli.store.refs import WIDTH_TOLERANCE
+from ribbon_cli.store.refs import WIDTH_TOLERANCE, no_equilibria
 
 if TYPE_CHECKING:
     from ribbon_cli.store import Run
@@ -38,9 +38,7 @@ def branch(run: Run, segments: int | None = None) -> list[dict[str, Any]]:
     """
     states = latest(run.states())
     if not states:
-        raise UsageError(
-            f"{run.name} has no equilibria yet; `ribbon ls {run.short_name} --all` lists its states"
-        )
+        raise UsageError(no_equilibria(run))
     counts: dict[int, int] = {}
     for state in states:
         counts[state["segments"]] = counts.get(state["segments"], 0) + 1

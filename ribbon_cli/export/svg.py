@@ -5,11 +5,13 @@ from __future__ import annotations
 import io
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ribbon_cli.errors import UsageError
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from ribbon_cli.export.pattern import Pattern
 
 PAPERS = {"A4": (297.0, 210.0), "Letter": (279.4, 215.9)}
@@ -21,6 +23,7 @@ HEADER = 12.0
 LABEL_ROOM = 4.5
 """Distance of two folds, in millimetres, from which on their angles are printed."""
 MOUNTAIN, VALLEY, INK, GREY = "#D55E00", "#0072B2", "#1b1b1b", "#6b6b6b"
+COLOURS = {"mountain": MOUNTAIN, "valley": VALLEY, "flat": GREY}
 DASHES = {"mountain": "6 1.5 1 1.5", "valley": "3 1.5", "flat": "0.5 2"}
 FLAT_DEGREES = 1e-6
 
@@ -126,11 +129,10 @@ def pattern_svg(pattern: Pattern, title: str, paper: str | None = None, number: 
         if clip and not _meets(ends, clip):
             continue
         kind = fold_kind(angle)
-        colour = {"mountain": MOUNTAIN, "valley": VALLEY, "flat": GREY}[kind]
         (x1, y1), (x2, y2) = (place(tuple(p)) for p in ends)
         out.write(
             f'<line class="fold {kind}" data-node="{k + 2}" data-angle="{angle!r}" '
-            f'x1="{x1}" y1="{y1}" x2="{x2}" y2="{y2}" stroke="{colour}" stroke-width="0.2" '
+            f'x1="{x1}" y1="{y1}" x2="{x2}" y2="{y2}" stroke="{COLOURS[kind]}" stroke-width="0.2" '
             f'stroke-dasharray="{DASHES[kind]}"/>\n'
         )
     out.write("</g>\n")
@@ -213,7 +215,7 @@ def pattern_pdf(pattern: Pattern, title: str, paper: str | None = "A4") -> bytes
     return buffer.getvalue()
 
 
-def _draw_page(figure, pattern: Pattern, page: Page, title: str, wide: float, tall: float) -> None:  # type: ignore[no-untyped-def]
+def _draw_page(figure: Figure, pattern: Pattern, page: Page, title: str, wide: float, tall: float) -> None:
     """One page: axes in millimetres that fill the sheet, with the pattern's origin shifted as on the SVG."""
     from matplotlib.patches import Rectangle
 
@@ -227,7 +229,7 @@ def _draw_page(figure, pattern: Pattern, page: Page, title: str, wide: float, ta
     )
     point = 72 / 25.4
 
-    def line(ends, colour: str, width: float, dashes: str | None = None) -> None:  # type: ignore[no-untyped-def]
+    def line(ends: Any, colour: str, width: float, dashes: str | None = None) -> None:
         pattern_of = (0, tuple(float(d) / width for d in dashes.split())) if dashes else "-"
         (x1, y1), (x2, y2) = ends
         (drawn,) = axes.plot([x1, x2], [y1, y2], color=colour, linewidth=width * point, linestyle=pattern_of)
@@ -242,7 +244,7 @@ def _draw_page(figure, pattern: Pattern, page: Page, title: str, wide: float, ta
     for ends, angle in zip(pattern.folds, pattern.angles.tolist(), strict=True):
         if _meets(ends.tolist(), (page.left, page.right)):
             kind = fold_kind(angle)
-            line(ends, {"mountain": MOUNTAIN, "valley": VALLEY, "flat": GREY}[kind], 0.2, DASHES[kind])
+            line(ends, COLOURS[kind], 0.2, DASHES[kind])
     for x, y, text, size in labels(pattern, page):
         axes.text(x, y, text, fontsize=size * point, ha="left", va="baseline", color=INK)
     for k, text in enumerate(notes(pattern, title)):

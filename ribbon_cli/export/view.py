@@ -79,6 +79,11 @@ def view_in_axes(corners: Array, azimuth: float, elevation: float) -> View:
     return view_along(eye @ axes, axes[1])
 
 
+def chosen_view(corners: Array, angles: tuple[float, float] | None) -> View:
+    """The view of facets (N, 4, 3) at an azimuth and an elevation in degrees, or the automatic one."""
+    return automatic_view(corners) if angles is None else view_in_axes(corners, *angles)
+
+
 def automatic_view(corners: Array) -> View:
     """A view of facets with corners (N, 4, 3) that hides little and shows large and steep parts alike.
 

@@ -23,7 +23,7 @@ def row_weights(band: Band) -> Array:
 
 
 def sech_squared(xi: Array) -> Array:
-    """1 / cosh^2 without overflow and without the cancellation of 1 - tanh^2."""
+    """1 / cosh^2 of any shape, without overflow and without the cancellation of 1 - tanh^2."""
     e = np.exp(-2.0 * np.abs(xi))
     out: Array = 4.0 * e / (1.0 + e) ** 2
     return out

@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .band import Array
+from .stencil import dot
 
 IntArray = NDArray[np.intp]
 
@@ -125,7 +126,7 @@ def _facets(u: Array, g: Array, g_end: Array, half_width: float, h: float) -> _F
     normal = _unit(_cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1]))
     inward = _unit(_cross(normal[:, None], edges))
     return _Facets(
-        corners, edges, _dot(edges, edges), normal, _dot(normal, corners[:, 0]), inward, _dot(inward, corners)
+        corners, edges, dot(edges, edges), normal, dot(normal, corners[:, 0]), inward, dot(inward, corners)
     )
 
 
@@ -168,13 +169,13 @@ def _level(facets: _Facets, k: int, last: bool) -> _Level:
     run = np.repeat(np.arange(2**k), stop - start)
     ends = np.stack((left, right, right, left), axis=1)[:, :, run]
     away = facets.corners - ends
-    square = _dot(away, away)
+    square = dot(away, away)
     spread = np.maximum(square[[0, 1]], square[[3, 2]])
     radius = np.zeros((2, 2**k))
     filled = stop > start
     radius[:, filled] = np.sqrt(np.maximum.reduceat(spread, start[filled], axis=1))
     axis = right - left
-    return _Level(start, stop, owner, left, axis, _dot(axis, axis), radius)
+    return _Level(start, stop, owner, left, axis, dot(axis, axis), radius)
 
 
 @dataclass
@@ -248,7 +249,7 @@ def _visit(
         level.axis[:, b],
         level.axis_square[b],
     )
-    distance = np.sqrt(_dot(gap, gap))
+    distance = np.sqrt(dot(gap, gap))
     steps = level.owner[b] - level.owner[a]
     search.lower(distance[search.counts(steps, steps)])
     least = distance - level.radius[:, a].max(axis=0) - level.radius[:, b].max(axis=0)
@@ -270,7 +271,7 @@ def _fan_gap(level: _Level, a: IntArray, b: IntArray) -> Array:
     """
     axis_a, axis_b = level.axis[:, a], level.axis[:, b]
     unit_a, unit_b = _unit(axis_a), _unit(axis_b)
-    line = _unit(unit_b - np.copysign(1.0, _dot(unit_a, unit_b)) * unit_a)
+    line = _unit(unit_b - np.copysign(1.0, dot(unit_a, unit_b)) * unit_a)
     low_a, high_a = _extent(line, level.base[:, a], axis_a, level.radius[:, a])
     low_b, high_b = _extent(line, level.base[:, b], axis_b, level.radius[:, b])
     result: Array = np.maximum(low_b - high_a, low_a - high_b)
@@ -279,8 +280,8 @@ def _fan_gap(level: _Level, a: IntArray, b: IntArray) -> Array:
 
 def _extent(line: Array, base: Array, axis: Array, radius: Array) -> tuple[Array, Array]:
     """Least and greatest coordinate (M,) of runs along the unit vectors `line` (3, M)."""
-    start = _dot(line, base)
-    stop = start + _dot(line, axis)
+    start = dot(line, base)
+    stop = start + dot(line, axis)
     low = np.minimum(start - radius[0], stop - radius[1])
     return low, np.maximum(start + radius[0], stop + radius[1])
 
@@ -293,8 +294,8 @@ def _separation(facets: _Facets, i: IntArray, j: IntArray) -> Array:
     ci, cj = facets.corners[:, :, i], facets.corners[:, :, j]
     base_i, base_j = (ci[:, 0] + ci[:, 3]) / 2, (cj[:, 0] + cj[:, 3]) / 2
     axis_i, axis_j = (ci[:, 1] + ci[:, 2]) / 2 - base_i, (cj[:, 1] + cj[:, 2]) / 2 - base_j
-    line = _unit(_segment_gap(base_i, axis_i, _dot(axis_i, axis_i), base_j, axis_j, _dot(axis_j, axis_j)))
-    result: Array = _dot(line[:, None], cj).min(axis=0) - _dot(line[:, None], ci).max(axis=0)
+    line = _unit(_segment_gap(base_i, axis_i, dot(axis_i, axis_i), base_j, axis_j, dot(axis_j, axis_j)))
+    result: Array = dot(line[:, None], cj).min(axis=0) - dot(line[:, None], ci).max(axis=0)
     return result
 
 
@@ -308,7 +309,7 @@ def _facet_distance(facets: _Facets, i: IntArray, j: IntArray, tolerance: float)
         facets.edges[:, None, :, j],
         facets.edge_squares[None, :, j],
     )
-    edges = np.sqrt(_dot(gap, gap).min(axis=(0, 1)))
+    edges = np.sqrt(dot(gap, gap).min(axis=(0, 1)))
     over_j, over_i = _corner_distance(facets, i, j, tolerance), _corner_distance(facets, j, i, tolerance)
     result: Array = np.minimum(edges, np.minimum(over_j, over_i))
     return result
@@ -321,9 +322,9 @@ def _corner_distance(facets: _Facets, i: IntArray, j: IntArray, tolerance: float
     which the height vanishes, is inside.
     """
     x = facets.corners[:, :, i]
-    height = _dot(x, facets.normal[:, None, j]) - facets.normal_offset[j]
+    height = dot(x, facets.normal[:, None, j]) - facets.normal_offset[j]
     # (4 corners, 4 edges, M)
-    depth = _dot(x[:, :, None], facets.inward[:, None, :, j]) - facets.inward_offset[:, j]
+    depth = dot(x[:, :, None], facets.inward[:, None, :, j]) - facets.inward_offset[:, j]
     over = depth.min(axis=1) >= -tolerance
     distance: Array = np.where(over, np.abs(height), math.inf).min(axis=0)
     next_height, next_depth = np.roll(height, -1, axis=0), np.roll(depth, -1, axis=0)
@@ -341,22 +342,16 @@ def _segment_gap(p: Array, d: Array, dd: Array, q: Array, e: Array, ee: Array) -
     cancels between segments that are nearly parallel, as rulings are.
     """
     r = p - q
-    de, dr, er = _dot(d, e), _dot(d, r), _dot(e, r)
+    de, dr, er = dot(d, e), dot(d, r), dot(e, r)
     normal = _cross(d, e)
-    square = _dot(normal, normal)
+    square = dot(normal, normal)
     parallel = square <= PARALLEL_TOLERANCE * dd * ee
-    s = np.where(parallel, 0.0, _dot(_cross(e, r), normal) / np.where(parallel, 1.0, square))
+    s = np.where(parallel, 0.0, dot(_cross(e, r), normal) / np.where(parallel, 1.0, square))
     s = np.clip(s, 0.0, 1.0)
     t = (de * s + er) / np.maximum(ee, TINY)
     t_inside = np.clip(t, 0.0, 1.0)
     s = np.where(t == t_inside, s, np.clip((de * t_inside - dr) / np.maximum(dd, TINY), 0.0, 1.0))
     result: Array = t_inside * e - s * d - r
-    return result
-
-
-def _dot(a: Array, b: Array) -> Array:
-    """Scalar products over the first axis, which holds the three components."""
-    result: Array = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
     return result
 
 
@@ -370,5 +365,5 @@ def _cross(a: Array, b: Array) -> Array:
 
 def _unit(a: Array) -> Array:
     """Unit vectors along a (3, ...), zero where a is zero."""
-    result: Array = a / np.sqrt(np.maximum(_dot(a, a), TINY))
+    result: Array = a / np.sqrt(np.maximum(dot(a, a), TINY))
     return result

@@ -15,6 +15,8 @@ import numpy as np
 from .band import Array, Band, State
 
 ETA_W = 0.0
+"""Weight of a change of eta beside one of theta in `close`: none, since eta is left alone. Near an inflection
+b |eta'| comes close to 1, and a change of the rulings would make them cross."""
 XI_LIMIT = 1.0 - 1e-9  # rulings this close to meeting have no finite xi: tanh xi = b eta' < 1
 
 
@@ -28,6 +30,11 @@ class Folding:
 
     theta: Array
     eta: Array
+
+    def curvature(self, h: float) -> Array:
+        """Signed curvature (N,) at the nodes of facets of length h, kappa h = theta / sqrt(1 + eta^2)."""
+        out: Array = self.theta / (h * np.sqrt(1.0 + self.eta**2))
+        return out
 
 
 def _rotations(theta: Array, eta: Array) -> Array:
@@ -125,9 +132,10 @@ def _closure_derivative(folding: Folding, sigma: int) -> tuple[Array, Array]:
 
 
 def close(folding: Folding, sigma: int, *, tolerance: float = 1e-13, steps: int = 30) -> Folding:
-    """Restore closure by Gauss-Newton steps of least change in (theta, eta).
+    """Restore closure by Gauss-Newton steps of least change in theta; eta stays (see `ETA_W`).
 
-    Raises ClosureError if the residual does not fall to `tolerance`.
+    `tolerance` bounds `closure_residual`; where roundoff keeps it above that, 1e-11 will do.
+    Raises ClosureError if the residual does not fall to that in `steps` steps.
     """
     current = folding
     n = folding.theta.size

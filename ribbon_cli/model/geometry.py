@@ -29,12 +29,11 @@ class Geometry:
 def geometry(state: State, end_ruling: Array | None = None) -> Geometry:
     """Shape functions of a state; `end_ruling` (3,) is g_{N+1} where the seam is open.
 
-    The curvature is that of the fold, kappa h = theta / sqrt(1 + eta^2). Where the seam is open, fold 1
-    is taken as if it were closed.
+    The curvature is that of the folds. Where the seam is open, fold 1 is taken as if it were closed.
     """
     band = state.band
     fold = folding.from_state(state)
-    kappa = fold.theta / (band.h * np.sqrt(1.0 + fold.eta**2))
+    kappa = fold.curvature(band.h)
     following = state.next_rulings()
     if end_ruling is not None:
         following[-1] = end_ruling

@@ -79,7 +79,7 @@ def element_name(matrix: Array, tolerance: float = ANGLE_TOLERANCE) -> str:
 
 
 def distinct(matrices: Sequence[Array], tolerance: float = 1e-2) -> list[Array]:
-    """The matrices that differ from each other by more than a tolerance in some entry."""
+    """The matrices (3,3) that differ from each other by more than a tolerance in some entry."""
     found: list[Array] = []
     for matrix in matrices:
         if not any(np.abs(matrix - other).max() < tolerance for other in found):

@@ -98,7 +98,7 @@ class LocalDerivatives:
         return self.jacobian[JACOBIAN_ROWS, JACOBIAN_COLUMNS].ravel()
 
     def hessian_entries(self) -> Array:
-        """Structural entries of the Hessian on and above its diagonal, (75N,), ordered likewise."""
+        """Structural entries of the Hessian on and above its diagonal, (72N,), ordered likewise."""
         return self.hessian[HESSIAN_ROWS, HESSIAN_COLUMNS].ravel()
 
 
@@ -124,14 +124,14 @@ class Problem:
         self.weights = np.concatenate((weights, np.full(CLOSURE, band.h)))
 
     def impose(self, x: Array) -> Array:
-        """Return x with the prescribed rulings written into it."""
+        """Return x (7N,) with the prescribed rulings written into it."""
         out = x.copy()
         for node, vector in self.prescription.rulings.items():
             out[7 * node + 3 : 7 * node + 6] = vector
         return out
 
     def state(self, x: Array) -> State:
-        """Return x as a state of this problem's band."""
+        """Return x (7N,) as a state of this problem's band."""
         return State.from_vector(self.band, x)
 
     def end_ruling(self, x: Array) -> Array:

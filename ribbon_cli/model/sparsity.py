@@ -38,5 +38,5 @@ class Scatter:
         )
 
     def matrix(self, values: Array) -> scipy.sparse.csc_matrix:
-        """Return the filled CSC matrix."""
+        """Return the CSC matrix of the entries' values (E,)."""
         return scipy.sparse.csc_matrix((self.data(values), self.indices, self.indptr), shape=self.shape)

@@ -57,12 +57,6 @@ def slope_at_facets(nodal: Array, sign: int, h: float) -> Array:
     return out
 
 
-def slope_at_nodes(facet: Array, sign: int, h: float) -> Array:
-    """Derivative of a facets' field along the band, at the nodes, (N, ...)."""
-    out: Array = (facet - behind(facet, sign)) / h
-    return out
-
-
 FLAT = 1e-6
 """Curvature, relative to the ring's 2 pi / l, below which a sign is rounding."""
 

@@ -68,7 +68,7 @@ def stencil(band: Band, *, open_seam: bool = False) -> Stencil:
 
 
 def dot(a: Array, b: Array) -> Array:
-    """Scalar products (N,) of vectors (3, N)."""
+    """Scalar products over the first axis, which holds the three components: (N,) of vectors (3, N)."""
     out: Array = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
     return out
 

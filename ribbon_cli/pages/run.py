@@ -10,9 +10,8 @@ from ribbon_cli.pages.html import Cell, heading, page, paragraph, picture, prefo
 from ribbon_cli.plot.figure import image, state_caption
 from ribbon_cli.plot.kinds import Source, draw
 from ribbon_cli.plot.style import Style
-from ribbon_cli.report.convergence import Table, convergence_rows
 from ribbon_cli.report.tables import RENDERERS
-from ribbon_cli.study import multiplier_curves, table_entries
+from ribbon_cli.study import multiplier_curves, run_table
 
 if TYPE_CHECKING:
     from ribbon_cli.store import Run, StateRecord
@@ -127,7 +126,7 @@ def _pictures(run: Run) -> list[str]:
 
 def _convergence(run: Run) -> list[str]:
     """The table, and its picture where there are two levels."""
-    out = [preformatted(RENDERERS["text"](_table(run), ()))]
+    out = [preformatted(RENDERERS["text"](run_table(run), ()))]
     try:
         out.append(_picture(run, "convergence", ()))
     except UsageError:
@@ -137,14 +136,9 @@ def _convergence(run: Run) -> list[str]:
 
 def _picture(run: Run, kind: str, states: tuple[StateRecord, ...]) -> str:
     """A picture with its caption. Raises UsageError where the data lack for it."""
-    drawn = draw(kind, Source(run, states, _table, multiplier_curves), SCREEN)
+    drawn = draw(kind, Source(run, states, run_table, multiplier_curves), SCREEN)
     caption = f"{drawn.title}. {state_caption(drawn.states, run.name) if drawn.states else run.name}."
     return picture(image(drawn.figure, "png", SCREEN, drawn.title, caption), caption)
-
-
-def _table(run: Run) -> Table:
-    """The run's convergence table."""
-    return convergence_rows(table_entries(run), *(state["length"] for state in run.states()[:1]))
 
 
 def _stages(run: Run) -> list[str]:

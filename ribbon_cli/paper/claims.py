@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ribbon_cli.export.fields import Window, even_window, field, inflections
+from ribbon_cli.export.mesh import ODD_FIELDS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -224,7 +225,7 @@ def shifted(record: StateRecord, name: str, parts: int, sign: int) -> tuple[floa
     sign changed.
     """
     _, values = field(record, name, even_window(record))
-    odd = record.sigma < 0 and name in ("kappa_s", "eta", "eta_prime", "lambda_3", "lambda_5", "xi")
+    odd = record.sigma < 0 and name in ODD_FIELDS
     step = record.segments // parts
     moved = np.roll(values, -step)
     if odd:

@@ -91,11 +91,20 @@ def _multipliers(states: Sequence[StateRecord]) -> Figure:
     return multipliers_figure(states, STYLE, [multiplier_curves(state) for state in states])
 
 
+def _alone(record: StateRecord) -> dict[str, Figure]:
+    """One shape without a title."""
+    return {"": shapes_figure([Panel(record, "")], STYLE, aligned=False)}
+
+
+def _references(library: Library, config: str, states: Sequence[StateRecord]) -> tuple[str, ...]:
+    return tuple(library.reference(config, state) for state in states)
+
+
 def _stages(library: Library, config: str, names: dict[str, str], marked: tuple[int, ...]) -> Made:
     """Auxiliary states of a construction in a row."""
     states = [library.stage(config, stage) for stage in names]
     panels = [Panel(state, title, marked) for state, title in zip(states, names.values(), strict=True)]
-    return Made(_panels(panels, aligned=True), tuple(library.reference(config, s) for s in states))
+    return Made(_panels(panels, aligned=True), _references(library, config, states))
 
 
 def _figure_3_1(library: Library) -> Made:
@@ -186,9 +195,8 @@ def _figure_3_5(library: Library) -> Made:
             "That the band of this figure is stable is a property of its mesh (docs/everted-cylinder.md)",
         ),
     )
-    pictures = {"": shapes_figure([Panel(state, "", ())], STYLE, aligned=False)}
-    references = tuple(library.reference(EVERTED, s) for s in (state, *wider))
-    return Made(pictures, (*references, library.reference(FINER, same)), checks)
+    references = (*_references(library, EVERTED, (state, *wider)), library.reference(FINER, same))
+    return Made(_alone(state), references, checks)
 
 
 def _figure_3_6(library: Library) -> Made:
@@ -209,12 +217,8 @@ def _three(library: Library) -> list[StateRecord]:
     return [library.state(THREE, b, 240) for b in (0.3, 0.65)]
 
 
-def _references(library: Library, config: str, states: Sequence[StateRecord]) -> tuple[str, ...]:
-    return tuple(library.reference(config, state) for state in states)
-
-
 def _titled(states: Sequence[StateRecord]) -> list[Panel]:
-    return [Panel(state, f"$b$ = {state.half_width:g}", ()) for state in states]
+    return [Panel(state, f"$b$ = {state.half_width:g}") for state in states]
 
 
 def _figure_3_7(library: Library) -> Made:
@@ -263,7 +267,6 @@ def _figure_3_9(library: Library) -> Made:
 
 def _figure_3_10(library: Library) -> Made:
     state = library.stage(THREE, "construction")
-    pictures = {"": shapes_figure([Panel(state, "", ())], STYLE, aligned=False)}
     twisted = library.run(TWISTED)
     half = TWIST_STEPS // 3
     stopped = "; ".join(library.failures[TWISTED])
@@ -299,7 +302,7 @@ def _figure_3_10(library: Library) -> Made:
             "(docs/recipes.md)",
         ),
     )
-    return Made(pictures, (library.reference(THREE, state), twisted.name), checks)
+    return Made(_alone(state), (library.reference(THREE, state), twisted.name), checks)
 
 
 def _figure_3_11(library: Library) -> Made:

@@ -70,11 +70,11 @@ def draw_field(
         alpha, shown = placed(record, name, values[k], window) if values else field(record, name, window)
         axes.plot(alpha, shown, label=curve_label(record, records), zorder=2 + 0.1 * k, **line_look(k))
     alpha_axis(axes, length)
-    axes.set_title(title, loc="left", fontsize=plain_size(axes) * 1.15)
+    axes.set_title(title, loc="left", fontsize=plain_size() * 1.15)
     axes.margins(y=0.08)
 
 
-def plain_size(axes: Axes) -> float:
+def plain_size() -> float:
     """Size of ordinary text in points."""
     import matplotlib
 
@@ -101,7 +101,7 @@ def geometry_figure(records: Sequence[StateRecord], style: Style) -> Figure:
         draw_field(axes, records, name, title)
     for axes in panels[2:]:
         axes.set_xlabel(r"$\alpha$")
-    _legend(figure, panels[0], records)
+    _legend(figure, panels[0])
     return figure
 
 
@@ -132,7 +132,7 @@ def multipliers_figure(
         if found:
             _formulas(axes, records, name, [c.theory for c in found])
     _forces(panels[5], records)
-    _legend(figure, panels[0], records)
+    _legend(figure, panels[0])
     return figure
 
 
@@ -163,13 +163,13 @@ def _tame(axes: Axes) -> None:
 def _forces(axes: Axes, records: Sequence[StateRecord]) -> None:
     """The closure forces as a small table of text, under the title of a panel."""
     axes.axis("off")
-    axes.set_title(r"$|\gamma|$", loc="left", fontsize=plain_size(axes) * 1.15)
+    axes.set_title(r"$|\gamma|$", loc="left", fontsize=plain_size() * 1.15)
     for k, record in enumerate(records):
         text = f"{curve_label(record, records)}:  {np.linalg.norm(record.gamma):.3g}"
         axes.text(0.0, 0.92 - 0.13 * k, text, transform=axes.transAxes, va="top")
 
 
-def _legend(figure: Figure, axes: Axes, records: Sequence[StateRecord]) -> None:
+def _legend(figure: Figure, axes: Axes) -> None:
     """One line above the panels that says which curve is which state."""
     handles, labels = axes.get_legend_handles_labels()
     if len(labels) > 1:

@@ -64,7 +64,7 @@ class Picture:
 def draw(kind: str, source: Source, style: Style) -> Picture:
     """Draw a kind of picture. Raises UsageError, which says what to run, where the data lack for it."""
     with styled(style):
-        return KINDS[kind][0](source, style)
+        return KINDS[kind](source, style)
 
 
 def animate(picture: Picture, source: Source, style: Style, caption: str | None) -> bytes:
@@ -193,7 +193,7 @@ def _convergence(source: Source, style: Style) -> Picture:
 
 
 def _branch(source: Source, style: Style) -> Picture:
-    from ribbon_cli.plot.levels import branch_figure, lowest_elastic
+    from ribbon_cli.plot.levels import branch_figure, lowest_value
 
     run = _run(source, "branch")
     if followed := courses(run, source.segments):
@@ -211,16 +211,18 @@ def _branch(source: Source, style: Style) -> Picture:
         if state["self_contact"] and state["certified"] and state["stage"].startswith("contact between")
     ]
     contact = located[-1] if located else None
-    figure = branch_figure(states, [lowest_elastic(r) for r in records], style, contact)
+    lowest = [lowest_value(r, "rotation", "sliding") for r in records]
+    figure = branch_figure(states, lowest, style, contact)
     return Picture(figure, "Branch in the width", records)
 
 
 def _followed(run: Run, followed: dict[str, list[dict[str, Any]]], style: Style) -> Picture:
     """Branches that arclength continuation followed, around folds and over saddles."""
     from ribbon_cli.plot.branches import arclength_figure
+    from ribbon_cli.plot.levels import lowest_value
 
     first = {points[0]["label"] for points in followed.values() if not points[0].get("branch")}
-    starts = {label: _lowest(run.load(label)) for label in first}
+    starts = {label: lowest_value(run.load(label), "rotation") for label in first}
     every = {
         p["label"]: p["branch"]["type"] for points in followed.values() for p in points if p.get("branch")
     }
@@ -230,17 +232,6 @@ def _followed(run: Run, followed: dict[str, list[dict[str, Any]]], style: Style)
         if kind in types:
             title += f", {name}: {types.count(kind)}"
     return Picture(arclength_figure(followed, starts, style), title, ())
-
-
-def _lowest(record: StateRecord) -> float | None:
-    """The lowest eigenvalue in the physical metric, rotations left out, as branches store it."""
-    from ribbon_cli.plot.levels import spectrum_of
-
-    spectrum = spectrum_of(record, "physical")
-    if spectrum is None:
-        return None
-    pairs = zip(spectrum.values, spectrum.labels, strict=True)
-    return min((float(v) for v, label in pairs if label != "rotation"), default=None)
 
 
 def _family(source: Source, style: Style) -> Picture:
@@ -268,15 +259,15 @@ def _pattern(source: Source, style: Style) -> Picture:
     return Picture(pattern_figure(record, style), "Fold pattern", (record,))
 
 
-KINDS: dict[str, tuple[Callable[[Source, Style], Picture], str]] = {
-    "shape": (_shape, "the surface with its rulings, of states in a row"),
-    "geometry": (_geometry, "curvature, torsion, eta and eta' along the band, of states or a run"),
-    "multipliers": (_multipliers, "lambda_1 to lambda_5 and their formulas, of states or a run"),
-    "spectrum": (_spectrum, "eigenvalues of the projected Hessian, of states or a run"),
-    "convergence": (_convergence, "energy differences under refinement, of a run"),
-    "branch": (_branch, "energy, lowest eigenvalue and clearance over the width, of a run"),
-    "family": (_family, "shapes at several widths in a row, of a run"),
-    "mode": (_mode, "a mode of the second variation, of a state"),
-    "pattern": (_pattern, "the flat strip with its folds, of a state"),
+KINDS: dict[str, Callable[[Source, Style], Picture]] = {
+    "shape": _shape,
+    "geometry": _geometry,
+    "multipliers": _multipliers,
+    "spectrum": _spectrum,
+    "convergence": _convergence,
+    "branch": _branch,
+    "family": _family,
+    "mode": _mode,
+    "pattern": _pattern,
 }
-"""Drawing function and a line of help for each kind. A new kind is a new row."""
+"""Drawing function of each kind. A new kind is a new row."""

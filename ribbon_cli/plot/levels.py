@@ -219,10 +219,12 @@ def _mark(
             axes.plot(b[mask], values[mask], linestyle="", label=label, **look)
 
 
-def lowest_elastic(record: StateRecord) -> float | None:
-    """Lowest eigenvalue in the physical metric, rotations and sliding left out; None where none is stored."""
+def lowest_value(record: StateRecord, *left_out: str) -> float | None:
+    """Lowest eigenvalue in the physical metric of a mode with no label of `left_out`; None where none is
+    stored.
+    """
     spectrum = spectrum_of(record, "physical")
     if spectrum is None:
         return None
     pairs = zip(spectrum.values, spectrum.labels, strict=True)
-    return min((float(v) for v, label in pairs if label not in ("rotation", "sliding")), default=None)
+    return min((float(v) for v, label in pairs if label not in left_out), default=None)

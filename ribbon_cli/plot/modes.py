@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ribbon_cli.export.mesh import facet_corners
-from ribbon_cli.export.view import View, automatic_view, view_in_axes
+from ribbon_cli.export.view import chosen_view
 from ribbon_cli.plot.shape import RULINGS, draw_shape, shown_sides
 from ribbon_cli.plot.style import LIGHT_GREY, Style
 
@@ -149,7 +149,7 @@ class _Frames:
         self.record, self.mode = record, mode
         self.size = amplitude(record, mode.move)
         rest = facet_corners(record)
-        self.view: View = automatic_view(rest) if angles is None else view_in_axes(rest, *angles)
+        self.view = chosen_view(rest, angles)
         flat = [
             self._flat(facet_corners(displaced(record, mode.move, s * self.size))) for s in (-1.0, 0.0, 1.0)
         ]

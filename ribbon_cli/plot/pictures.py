@@ -11,7 +11,7 @@ import numpy as np
 
 from ribbon_cli.export.align import turn_between, turned_alike
 from ribbon_cli.export.mesh import facet_corners
-from ribbon_cli.export.view import View, automatic_view, view_in_axes
+from ribbon_cli.export.view import View, chosen_view
 from ribbon_cli.plot.shape import RULINGS, draw_shape
 from ribbon_cli.plot.style import GREY, Style
 
@@ -32,7 +32,7 @@ def shape_figure(record: StateRecord, style: Style, angles: tuple[float, float] 
     from matplotlib.figure import Figure
 
     corners = facet_corners(record)
-    view = automatic_view(corners) if angles is None else view_in_axes(corners, *angles)
+    view = chosen_view(corners, angles)
     extent = np.ptp(view.project(corners)[..., :2], axis=(0, 1))
     width = 0.7 * style.width
     height = width * float(np.clip(extent[1] / extent[0], 0.3, 1.2))
@@ -88,7 +88,7 @@ def shapes_figure(
     from matplotlib.figure import Figure
 
     corners = [facet_corners(panel.record) for panel in panels]
-    views = _common_views(corners, angles) if aligned else [_view(item, angles) for item in corners]
+    views = _common_views(corners, angles) if aligned else [chosen_view(item, angles) for item in corners]
     boxes = [np.ptp(view.project(c)[..., :2], axis=(0, 1)) for view, c in zip(views, corners, strict=True)]
     columns = len(panels) if len(panels) <= 5 else math.ceil(len(panels) / math.ceil(len(panels) / 4))
     rows = math.ceil(len(panels) / columns)
@@ -112,15 +112,10 @@ def shapes_figure(
     return figure
 
 
-def _view(corners: Array, angles: tuple[float, float] | None) -> View:
-    """The chosen view of a shape, or the automatic one."""
-    return automatic_view(corners) if angles is None else view_in_axes(corners, *angles)
-
-
 def _common_views(shapes: Sequence[Array], angles: tuple[float, float] | None) -> list[View]:
     """Views of shapes turned onto each other, from one side: the one that suits the middle shape."""
     placed = turned_alike(shapes)
-    view = _view(placed[len(placed) // 2], angles)
+    view = chosen_view(placed[len(placed) // 2], angles)
     return [View(view.axes @ turn_between(c, p)) for c, p in zip(shapes, placed, strict=True)]
 
 

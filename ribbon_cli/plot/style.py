@@ -42,11 +42,6 @@ class Style:
     marker: float
     dpi: int
 
-    @property
-    def height(self) -> float:
-        """Height in inches of a picture of one row."""
-        return 0.42 * self.width
-
 
 STYLES = {
     "paper": Style("paper", 6.3, 8.0, 1.0, 0.35, 3.0, 300),

@@ -134,9 +134,7 @@ def _order(coarse: float | None, fine: float | None, m: int, n: int) -> float | 
 
 def state_text(state: Continuum) -> str:
     """One state, section by section: a column for each zone, the last for what has no zone."""
-    more = f"N = {state.segments}"
-    blocks = [_headline(state.half_width, state.length, state.sigma, state.discretisation, more)]
-    blocks[0] += "\n" + _places(state.inflections)
+    blocks = [f"{_headline(state)}, N = {state.segments}\n{_places(state.inflections)}"]
     for section, group in _sections(state.quantities):
         zones = list(dict.fromkeys(q.zone for q in group if q.zone)) or [""]
         lines: dict[str, list[str]] = {}
@@ -153,7 +151,7 @@ def tables_text(tables: Sequence[OrderTable]) -> str:
 
 
 def _table_text(table: OrderTable) -> str:
-    blocks = [_headline(table.half_width, table.length, table.sigma, table.discretisation, "")]
+    blocks = [_headline(table)]
     columns = ["equation", "where", *map(str, table.segments)]
     columns += ["order", *[""] * (len(table.segments) - 2)][: len(table.segments) - 1]
     for section, group in _sections(table.rows):
@@ -186,10 +184,9 @@ def _sections(items: Sequence[Any]) -> list[tuple[str, list[Any]]]:
     return [(name, [item for item in items if item.section == name]) for name in names]
 
 
-def _headline(half_width: float, length: float, sigma: int, rule: str, more: str) -> str:
-    seam = "one-sided" if sigma < 0 else "orientable"
-    text = f"b = {half_width:g}, length {length:.6g}, {seam}, {rule}"
-    return f"{text}, {more}" if more else text
+def _headline(of: Continuum | OrderTable) -> str:
+    seam = "one-sided" if of.sigma < 0 else "orientable"
+    return f"b = {of.half_width:g}, length {of.length:.6g}, {seam}, {of.discretisation}"
 
 
 def _places(inflections: Sequence[float]) -> str:

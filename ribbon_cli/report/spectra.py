@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
+
+from ribbon_cli.report.tables import csv_text
 
 Document = Mapping[str, Any]
 """What `--json` prints, of which the other formats show the most of."""
@@ -45,7 +45,7 @@ def spectrum_csv(document: Document) -> str:
         }
         for k, mode in enumerate(modes)
     ]
-    return _csv(rows)
+    return csv_text(rows)
 
 
 def convergence_text(document: Document) -> str:
@@ -90,7 +90,7 @@ def convergence_csv(document: Document) -> str:
         for item in document["sequences"]
         for k, n in enumerate(item["segments"])
     ]
-    return _csv(rows)
+    return csv_text(rows)
 
 
 def run_text(document: Document) -> str:
@@ -120,7 +120,7 @@ def run_csv(document: Document) -> str:
         for k, mode in enumerate(modes):
             figures = {key: mode[key] for key in ("value", "bound", "label", "sliding_overlap", "hidden")}
             rows.append({**place, "position": k / max(len(modes) - 1, 1), **figures})
-    return _csv(rows)
+    return csv_text(rows)
 
 
 def renderers(document: Document) -> dict[str, Callable[[Document], str]]:
@@ -205,12 +205,3 @@ def _aligned(rows: Sequence[Sequence[str]]) -> str:
 def _pipes(rows: Sequence[Sequence[str]]) -> str:
     lines = [rows[0], ["---:"] * len(rows[0]), *rows[1:]]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
-
-
-def _csv(rows: list[dict[str, Any]]) -> str:
-    out = io.StringIO()
-    if rows:
-        writer = csv.DictWriter(out, list(rows[0]), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
-    return out.getvalue()

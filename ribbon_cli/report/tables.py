@@ -10,7 +10,7 @@ import csv
 import io
 import json
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 
 from ribbon_cli.report.convergence import ComparisonRow, Extrapolation, Row, Table, is_at
@@ -98,6 +98,11 @@ def as_csv(table: Table, comparison: Sequence[ComparisonRow] = ()) -> str:
                 "settled": limit.settled,
             }
         )
+    return csv_text(records)
+
+
+def csv_text(records: Sequence[Mapping[str, object]]) -> str:
+    """Records of the same keys as CSV, the keys in the first line; empty for none."""
     out = io.StringIO()
     if records:
         writer = csv.DictWriter(out, list(records[0]), lineterminator="\n")

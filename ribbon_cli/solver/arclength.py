@@ -21,15 +21,15 @@ import numpy as np
 
 from ..model.band import Array, Band, State
 from ..model.contact import self_contact
-from ..model.problem import LocalDerivatives, Problem
+from ..model.problem import Problem
 from ..model.width import constraints_by_width, gradient_by_width
 from .bordered import BorderedSystem
 from .inertia import inertia
 from .kkt import KKTMatrix
 from .linear import Factor, FactorisationError
-from .newton import SETTLED, Guard, change, inverted_facets
+from .newton import SETTLED, Guard, change, inverted_facets, iterate_at
 from .saddle_free import lagrangian_gradient, newton_step
-from .status import Result, Status
+from .status import Iterate, Result, Status
 
 TOLERANCE = 1e-9
 GOAL = 1e-11
@@ -40,7 +40,7 @@ CONTRACTION = 0.5
 ROUNDOFF_STEP = 1e-7
 """Change below which the ratio of Newton steps says nothing any more."""
 LONGEST_CORRECTION = 0.25
-
+"""Largest change in one Newton step of a corrector: a longer one may lead to another branch."""
 
 Place = tuple[Array, Array, float]
 """x (7N,), multipliers (5N+3,) and b, or changes of them."""
@@ -73,20 +73,13 @@ def product(band: Band, one: Tangent, other: Tangent) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class Point:
+class Point(Iterate):
     """A stationary point on a branch.
 
-    `kkt_residual` and `constraint_residual` as in `Result`; `steps` Newton steps found it, and
-    `contraction` is the ratio of the second to the first (0 where one was enough), `correction` the size of
-    the first.
+    `steps` Newton steps found it, and `contraction` is the ratio of the second to the first (0 where one was
+    enough), `correction` the size of the first.
     """
 
-    problem: Problem
-    x: Array
-    multipliers: Array
-    local: LocalDerivatives
-    kkt_residual: float
-    constraint_residual: float
     steps: int = 0
     contraction: float = 0.0
     correction: float = 0.0
@@ -95,16 +88,6 @@ class Point:
     def half_width(self) -> float:
         """The half-width b."""
         return self.problem.band.half_width
-
-    @property
-    def energy(self) -> float:
-        """Q_h, not divided by pi b."""
-        return self.local.energy
-
-    @property
-    def state(self) -> State:
-        """The band's shape."""
-        return self.problem.state(self.x)
 
     @cached_property
     def matrix(self) -> KKTMatrix:
@@ -150,30 +133,17 @@ class Point:
         status = Status.UNDECIDED
         if negative is not None:
             status = Status.MINIMUM if negative == 0 else Status.SADDLE
-        return Result(
-            status=status,
-            x=self.x,
-            multipliers=self.multipliers,
-            state=self.state,
-            energy=self.energy,
-            kkt_residual=self.kkt_residual,
-            constraint_residual=self.constraint_residual,
-            negative=negative,
-            steps=self.steps,
-            detail=detail,
-        )
+        return self.ended(status, negative, steps=self.steps, detail=detail)
 
 
 def point_at(problem: Problem, x: Array, multipliers: Array) -> Point:
-    """Evaluate a place, stationary or not."""
-    local = problem.local_derivatives(x, multipliers)
-    kkt = float(np.abs(lagrangian_gradient(problem, local, multipliers)).max())
-    constraint = float(np.abs(local.constraints / problem.weights).max())
-    return Point(problem, x, multipliers, local, kkt, constraint)
+    """Evaluate a place x (7N,) with multipliers (5N+3,), stationary or not."""
+    here = iterate_at(problem, x, multipliers)
+    return Point(problem, x, multipliers, here.local, here.kkt_residual, here.constraint_residual)
 
 
 def point_of(state: State, multipliers: Array) -> Point:
-    """The point of a stored state."""
+    """The point of a state with its multipliers (5N+3,)."""
     return point_at(Problem(state.band), state.vector(), multipliers)
 
 
@@ -272,18 +242,16 @@ def _newton(band: Band, guess: Place, step: Callable[[Point], Place], guard: Gua
             if not 0.0 < width < math.inf:
                 raise CorrectorError(f"it leads to a half-width of {width:.6g}")
             point = point_at(Problem(band.with_half_width(width)), x, multipliers)
-            worst = max(point.kkt_residual, point.constraint_residual)
-            if not np.isfinite(worst):
+            if not np.isfinite(point.worst):
                 raise CorrectorError("derivatives are not finite")
-            before = math.inf if best is None else max(best.kkt_residual, best.constraint_residual)
-            if best is not None and before <= TOLERANCE and worst > 0.5 * before:
+            if best is not None and best.worst <= TOLERANCE and point.worst > 0.5 * best.worst:
                 break  # as far as roundoff lets it
             best = point
             # One step at least: the hyperplane is met to roundoff only after it.
-            if sizes and worst <= GOAL:
+            if sizes and point.worst <= GOAL:
                 break
             if len(sizes) >= MOST_CORRECTIONS:
-                if worst <= TOLERANCE:
+                if point.worst <= TOLERANCE:
                     break
                 raise CorrectorError(f"Newton's method has not converged in {MOST_CORRECTIONS} steps")
             try:

@@ -35,9 +35,8 @@ SINGULAR_ACCURACY = 1e-9
 WIDTH_ACCURACY = 1e-6
 CONTACT_ACCURACY = 1e-7
 """Parts of a step to which events are located along the branch, the rest being left to what follows: b is
-stationary at folds, widths are met by a corrector, and branch
-points are interpolated in a bracket of about `BRACKET` of the step. Contact is bracketed to this
-part of the band's length."""
+stationary at folds, branch points are interpolated in a bracket of about `BRACKET` of the step, and widths
+are met by a corrector. Contact is bracketed to a part of the band's length."""
 ASIDE = 1e-3
 """Part of a step to either side of a fold at which the index is counted when it does not change by one."""
 MOST_BISECTIONS = 40
@@ -113,11 +112,12 @@ class Segment:
             return self.end_tangent
         return tangent_from(self.at(s), self.tangent)
 
-    def root(self, f: Callable[[float], float], low: float, high: float, accuracy: float) -> float:
-        """A zero of f between two positions at which its signs differ."""
-        from scipy.optimize import brentq  # here: loading it takes longer than most commands
 
-        return float(brentq(f, low, high, xtol=accuracy, rtol=8.9e-16))
+def _root(f: Callable[[float], float], low: float, high: float, accuracy: float) -> float:
+    """A zero of f between two places at which its signs differ."""
+    from scipy.optimize import brentq  # here: loading it takes longer than most commands
+
+    return float(brentq(f, low, high, xtol=accuracy, rtol=8.9e-16))
 
 
 def _hermite(
@@ -168,9 +168,7 @@ def events_of(segment: Segment, widths: Iterable[float]) -> tuple[Event, ...]:
 
 def _fold(segment: Segment) -> Event:
     """Where db/ds = 0."""
-    s = segment.root(
-        lambda s: segment.tangent_at(s).half_width, 0.0, segment.length, FOLD_ACCURACY * segment.length
-    )
+    s = _root(lambda s: segment.tangent_at(s).half_width, 0.0, segment.length, FOLD_ACCURACY * segment.length)
     point, tangent = segment.at(s), segment.tangent_at(s)
     kind = "branch-point" if _crossed(point, tangent) else "fold"
     return Event(kind, point, tangent, s, mode=mode_of(point, tangent))
@@ -242,7 +240,7 @@ def _branch_point(segment: Segment, low: float, high: float, before: int, after:
     try:
         if soft_value(segment.at(low), c)[0] * soft_value(segment.at(high), c)[0] >= 0.0:
             return None
-        s = segment.root(lambda s: soft_value(segment.at(s), c)[0], low, high, near)
+        s = _root(lambda s: soft_value(segment.at(s), c)[0], low, high, near)
         low, high = max(low, s - 2.0 * near), min(high, s + 2.0 * near)
         # g changes its sign at its poles too, where K is regular: the index tells.
         if (segment.at(low).negative, segment.at(high).negative) != (before, after):
@@ -284,7 +282,7 @@ def _width(segment: Segment, b: float, low: float, high: float) -> Event:
     if segment.at(high).half_width == b:
         s = high
     else:
-        s = segment.root(lambda s: segment.at(s).half_width - b, low, high, WIDTH_ACCURACY * segment.length)
+        s = _root(lambda s: segment.at(s).half_width - b, low, high, WIDTH_ACCURACY * segment.length)
     near = segment.at(s)
     point = correct_at((near.x, near.multipliers, b), near.problem.band)
     return Event("width", point, tangent_from(point, segment.tangent), s)

@@ -16,10 +16,9 @@ from ..model.folding import ClosureError
 from ..model.problem import Problem
 from .newton import Options, solve
 from .prolongation import Phase, Start, clear_phase, phase_of, smooth, split
-from .status import Result, SaddleMet, Status
+from .status import STATIONARY, Result, SaddleMet, Status
 from .tracking import PARTS, follows, slid
 
-STATIONARY = (Status.MINIMUM, Status.SADDLE, Status.UNDECIDED)
 TRACKING_STEPS = 60
 """Newton steps after which a step along a branch is given up and halved; good ones take 4 to 20."""
 

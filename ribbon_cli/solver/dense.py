@@ -16,7 +16,7 @@ from ..model.band import Array
 from ..model.problem import LocalDerivatives, Problem
 from .linear import FactorisationError
 from .newton import Options, change, inverted_facets
-from .status import Result, SaddleMet, Status
+from .status import Iterate, Result, SaddleMet, Status
 
 LARGEST = 200
 """Most segments accepted: beyond, one step takes seconds and the sparse solver gives the same one."""
@@ -99,15 +99,9 @@ def dense_direction(
     return *model.direction(), model.values
 
 
-@dataclass(frozen=True)
-class _Point:
-    """A place with its derivatives and residuals, both as `Result` measures them."""
-
-    x: Array
-    multipliers: Array
-    local: LocalDerivatives
-    kkt: float
-    constraint: float
+@dataclass(frozen=True, eq=False)
+class _Point(Iterate):
+    """A place of the dense method, its residuals from the assembled Jacobian."""
 
     @classmethod
     def at(cls, problem: Problem, x: Array, multipliers: Array) -> _Point:
@@ -115,15 +109,11 @@ class _Point:
             local = problem.local_derivatives(x, multipliers)
             kkt = local.gradient - problem.jacobian_matrix(local).T @ multipliers
             constraint = float(np.abs(local.constraints / problem.weights).max())
-        return cls(x, multipliers, local, float(np.abs(kkt).max()), constraint)
-
-    @property
-    def worst(self) -> float:
-        return max(self.kkt, self.constraint)
+        return cls(problem, x, multipliers, local, float(np.abs(kkt).max()), constraint)
 
     def merit(self, penalty: Array) -> float:
         """The exact penalty f + sum nu_k |c_k|."""
-        return self.local.energy + float(penalty @ np.abs(self.local.constraints))
+        return self.energy + float(penalty @ np.abs(self.local.constraints))
 
 
 def dense_solve(
@@ -223,17 +213,14 @@ class _DenseSolve:
         if (inverted_facets(self.problem, trial.x) <= 0).any():
             self.trouble = Status.INVERTED_FACET
             return False
-        if self.options.guard is not None and self.options.guard(self.problem.state(trial.x)):
+        if self.options.guard is not None and self.options.guard(trial.state):
             self.trouble = Status.LEFT_TOPOLOGY
             return False
         return True
 
     def _leave(self, point: _Point, model: DenseModel, negative: int) -> _Point | None:
         """Leave a saddle along its lowest eigenvector, to the side of less energy; None if neither falls."""
-        energy = point.local.energy
-        self.saddles.append(
-            SaddleMet(point.x, point.multipliers, energy, negative, point.kkt, point.constraint)
-        )
+        self.saddles.append(point.met(negative))
         v = model.vectors[:, 0] / change(point.x, model.vectors[:, 0])
         for t in (0.4, 0.1, 0.02):
             reach = t * self.options.step_limit
@@ -241,24 +228,12 @@ class _DenseSolve:
                 self._drawn_back(model, _Point.at(self.problem, point.x + move, point.multipliers))
                 for move in (reach * v, -reach * v)
             ]
-            lower = [e for e in ends if self._allowed(e) and e.local.energy < energy]
+            lower = [e for e in ends if self._allowed(e) and e.energy < point.energy]
             if lower:
-                return min(lower, key=lambda end: end.local.energy)
+                return min(lower, key=lambda end: end.energy)
         return None
 
     def _result(
         self, status: Status, point: _Point, *, negative: int | None = None, detail: str = ""
     ) -> Result:
-        return Result(
-            status=status,
-            x=point.x,
-            multipliers=point.multipliers,
-            state=self.problem.state(point.x),
-            energy=point.local.energy,
-            kkt_residual=point.kkt,
-            constraint_residual=point.constraint,
-            negative=negative,
-            steps=self.steps,
-            saddles=tuple(self.saddles),
-            detail=detail,
-        )
+        return point.ended(status, negative, steps=self.steps, saddles=tuple(self.saddles), detail=detail)

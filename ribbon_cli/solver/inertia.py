@@ -101,7 +101,7 @@ class NodeMetric:
 class BlockReduction:
     """K - shift M eliminated node by node; `inertia` counts eigenvalues of W_c below `shift`.
 
-    M is the matrix's own diagonal metric, or `metric`.
+    M is `metric`, else the Euclidean one.
     """
 
     def __init__(self, matrix: KKTMatrix, shift: float = 0.0, metric: NodeMetric | None = None) -> None:

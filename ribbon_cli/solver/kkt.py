@@ -141,7 +141,7 @@ class KKTMatrix:
     """The KKT matrix at one point; `upper` is the scaled upper triangle without regularisation.
 
     `scale` is s above; `size` is 7N, `border` the number of multiplier and gauge rows; `metric` (7N,) is the
-    scaled diagonal that shifts multiply, Euclidean unless `with_metric` says otherwise.
+    Euclidean metric's diagonal in scaled unknowns, which shifts multiply.
     """
 
     def __init__(self, problem: Problem, local: LocalDerivatives, rotations: Array) -> None:
@@ -177,12 +177,6 @@ class KKTMatrix:
         """The matrix as a cyclic block-tridiagonal one with a border."""
         return _node_blocks(self)
 
-    def with_metric(self, weights: Array) -> KKTMatrix:
-        """The same matrix with shifts measured in the metric of diagonal weights (7N,)."""
-        out = copy(self)
-        out.metric = self.scale[: self.size] ** 2 * weights
-        return out
-
     def with_unit_metric(self) -> KKTMatrix:
         """The same matrix with the identity on the scaled unknowns for the Hessian."""
         return self._with_diagonal(np.ones(self.size))
@@ -207,7 +201,7 @@ class KKTMatrix:
         return out
 
     def regularised(self, shift: float, delta: float) -> scipy.sparse.csc_matrix:
-        """Upper triangle of K - shift (on x, unscaled metric) - delta (on multipliers, scaled)."""
+        """Upper triangle of K - shift (on x, Euclidean metric) - delta (on multipliers, scaled)."""
         data = self.upper.data.copy()
         diagonal = self.pattern.diagonal
         data[diagonal[: self.size]] -= shift * self.metric

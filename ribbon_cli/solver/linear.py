@@ -160,7 +160,7 @@ class Factor:
         return scale * self._solve_scaled(scale * rhs, True, BACKWARD_RESIDUAL)
 
     def solve_roughly(self, rhs: Array) -> Array:
-        """Solve with regularised factors as they are, without refinement; they must have no zero pivot."""
+        """Solve for rhs (n+m+r,) with regularised factors as they are, unrefined; no pivot may be zero."""
         scale = self.matrix.scale
         return scale * self._inverse(scale * rhs)
 

@@ -18,7 +18,7 @@ from .inertia import inertia
 from .kkt import KKTMatrix
 from .linear import RESIDUAL_LIMIT, Factor, FactorisationError
 from .saddle_free import Direction, direction, lagrangian_gradient, newton_step
-from .status import Result, SaddleMet, Status
+from .status import Iterate, Result, SaddleMet, Status
 
 Guard = Callable[[State], str | None]
 Watch = Callable[[int, float, float], None]
@@ -50,35 +50,23 @@ GUARD_STRICTLY = 5e-2
 """Change since the guard was last asked from which it is asked again; the end always is.
 
 It is asked rarely first, and strictly in a second attempt where it found something to say."""
-ARMIJO = 1e-4
+ARMIJO = 1e-4  # sufficient decrease, Nocedal & Wright (2006), (3.4)
 MOST_CORRECTIONS = 4
 SETTLED = 1e-5
 """Change of the next Newton step up to which a converged point is certified; pi bands have at most 2e-7."""
 NEAR_SADDLE = 1e-3
 NEAR_STEP = 0.05
+"""Residual, and change of the next Newton step, up to which a saddle is stepped onto and left on purpose."""
 
 
-@dataclass(frozen=True)
-class _Point:
-    x: Array
-    multipliers: Array
-    local: LocalDerivatives
-    kkt: float
-    constraint: float
-
-    @property
-    def worst(self) -> float:
-        return max(self.kkt, self.constraint)
-
-
-def _point(problem: Problem, x: Array, multipliers: Array | None) -> _Point:
-    """A point; where no multipliers are known they are zero, and its Hessian is left out."""
+def iterate_at(problem: Problem, x: Array, multipliers: Array | None) -> Iterate:
+    """Evaluate a place x (7N,); unknown multipliers (5N+3,) count as zero, and the Hessian is left out."""
     local = problem.local_derivatives(x, multipliers)
     if multipliers is None:
         multipliers = np.zeros(problem.rows)
     kkt = float(np.abs(lagrangian_gradient(problem, local, multipliers)).max())
     constraint = float(np.abs(local.constraints / problem.weights).max())
-    return _Point(x, multipliers, local, kkt, constraint)
+    return Iterate(problem, x, multipliers, local, kkt, constraint)
 
 
 def estimate_multipliers(problem: Problem, x: Array) -> Array:
@@ -111,7 +99,7 @@ def inverted_facets(problem: Problem, x: Array) -> Array:
 
 
 def change(x: Array, step: Array) -> float:
-    """Size of a step: the largest change of a tangent, of a ruling over its length, or of xi/4."""
+    """Size of a step (7N,): the largest change of a tangent, of a ruling over its length, or of xi/4."""
     s, y = step.reshape(-1, 7), x.reshape(-1, 7)
     squares, lengths = s * s, y[:, 3:6] * y[:, 3:6]
     tangents = squares[:, 0] + squares[:, 1] + squares[:, 2]
@@ -143,7 +131,7 @@ class _Search:
         """Keep the normal factors of the point x."""
         self._normal = (x, normal)
 
-    def correct(self, point: _Point, x: Array) -> Array:
+    def correct(self, point: Iterate, x: Array) -> Array:
         """Second-order correction: the least move that removes the constraint values at x, near a point.
 
         It is least in the scaled metric, not in that of the Hessian: near-zero eigenvalues (sliding) would
@@ -183,14 +171,14 @@ class _Solve:
         self.trouble = (Status.STALLED, "")
         self.unguarded = 0.0
         self.lowest = 0.0
-        self.last: _Point
+        self.last: Iterate
 
     def run(self, x: Array, multipliers: Array | None) -> Result:
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             return self._run(x, multipliers)
 
     def _run(self, x: Array, multipliers: Array | None) -> Result:
-        self.last = _point(self.problem, x, multipliers)
+        self.last = iterate_at(self.problem, x, multipliers)
         if not np.isfinite(self.last.worst):
             return self._result(Status.NOT_FINITE, self.last)
         if (inverted_facets(self.problem, x) <= 0).any():
@@ -199,19 +187,19 @@ class _Solve:
             if multipliers is None:
                 normal = _normal_factor(self.problem, self.last.local)
                 self.search.keep(x, normal)
-                self.last = _point(self.problem, x, _estimate(self.problem, self.last.local, normal))
+                self.last = iterate_at(self.problem, x, _estimate(self.problem, self.last.local, normal))
             return self._iterate(self.last)
         except FactorisationError as error:
             return self._result(Status.STALLED, self.last, detail=f"({error}.)")
 
-    def _iterate(self, point: _Point) -> Result:
+    def _iterate(self, point: Iterate) -> Result:
         options = self.options
         while True:
             self.last = point
             matrix = KKTMatrix(self.problem, point.local, self.problem.rotations(point.x))
             if options.watch is not None:
-                options.watch(self.steps, point.local.energy, point.worst)
-            following: _Point | None = None
+                options.watch(self.steps, point.energy, point.worst)
+            following: Iterate | None = None
             if point.worst > options.goal and self.steps < options.max_steps:
                 following = self._step(point, matrix)
                 if following is not None and following.worst > 0.5 * point.worst <= 0.5 * options.tolerance:
@@ -227,7 +215,7 @@ class _Solve:
                 return self._stopped(point)
             point = following
 
-    def _step(self, point: _Point, matrix: KKTMatrix) -> _Point | None:
+    def _step(self, point: Iterate, matrix: KKTMatrix) -> Iterate | None:
         """One accepted step towards a stationary point, or None."""
         factor = Factor(matrix)
         # An inexact Newton step, as accurate as quadratic convergence or the goal needs it.
@@ -240,10 +228,10 @@ class _Solve:
             )
             self.lowest = float(found.negative[0]) if found.index else 0.0
             self.surplus_seen = max(self.surplus_seen, found.index)
-            following = self._advance(point, factor, found)
+            following = self._advance(point, found)
         return following
 
-    def _judge(self, point: _Point, matrix: KKTMatrix) -> tuple[Result | None, _Point | None]:
+    def _judge(self, point: Iterate, matrix: KKTMatrix) -> tuple[Result | None, Iterate | None]:
         """What a stationary point is: a result, or the point to go on from if it is a saddle to leave."""
         complaint = self._complaint(point)
         if complaint:
@@ -254,17 +242,17 @@ class _Solve:
         count = inertia(matrix)
         if not count.trusted:
             return self._result(Status.UNDECIDED, point, detail=f"(Pivot gap {count.gap:.1e}.)"), None
-        factor = Factor(matrix)
+        factor = Factor(matrix)  # anew: the proof may have left one with another regularisation
         if count.negative == 0:
             return self._certify(Status.MINIMUM, point, factor, 0), None
         self.surplus_seen = max(self.surplus_seen, count.negative)
         if len(self.saddles) >= self.options.leave_saddles:
             return self._certify(Status.SADDLE, point, factor, count.negative), None
         found = direction(self.problem, point.local, point.multipliers, factor, count.negative)
-        self._record_saddle(point, found)
-        return None, self._leave(point, factor, found)
+        self.saddles.append(point.met(found.index))
+        return None, self._leave(point, found)
 
-    def _certify(self, status: Status, point: _Point, factor: Factor, negative: int) -> Result:
+    def _certify(self, status: Status, point: Iterate, factor: Factor, negative: int) -> Result:
         """The result with an index, if a stationary point is as near as the residuals promise.
 
         Where an eigenvalue is nearly zero, as that of sliding is on fine grids, a small residual allows of a
@@ -278,7 +266,7 @@ class _Solve:
             Status.UNDECIDED, point, detail=f"(The next Newton step would be a change of {left:.1e}.)"
         )
 
-    def _meet_saddle(self, point: _Point, factor: Factor, plain: tuple[Array, Array]) -> _Point | None:
+    def _meet_saddle(self, point: Iterate, factor: Factor, plain: tuple[Array, Array]) -> Iterate | None:
         """Close to a saddle, take the plain Newton step onto it, so that it is known and left on purpose.
 
         The saddle-free step moves away only as fast as the distance doubles. None if not that close.
@@ -288,12 +276,12 @@ class _Solve:
             return None
         if change(point.x, step) > NEAR_STEP:
             return None
-        trial = _point(self.problem, point.x + step, multipliers)
+        trial = iterate_at(self.problem, point.x + step, multipliers)
         if not trial.worst < 0.1 * point.worst:
             return None
         return trial if self._allowed(point, trial) else None
 
-    def _advance(self, point: _Point, factor: Factor, found: Direction) -> _Point | None:
+    def _advance(self, point: Iterate, found: Direction) -> Iterate | None:
         """One accepted step, or None."""
         self.trouble = (Status.STALLED, "")
         self.search.raise_penalty(found.multipliers)
@@ -304,13 +292,13 @@ class _Solve:
         t = min(1.0, self.options.step_limit / max(size, 1e-300))
         shortest = SHORTEST * t  # near a singular Hessian the limit alone may leave little of a long step
         while t >= shortest:
-            trial = self._trial(point, factor, found, t)
+            trial = self._trial(point, found, t)
             if trial is not None:
                 return trial
             t *= 0.5
         return None
 
-    def _trial(self, point: _Point, factor: Factor, found: Direction, t: float) -> _Point | None:
+    def _trial(self, point: Iterate, found: Direction, t: float) -> Iterate | None:
         """The point at step t, drawn back to the constraints as often as it helps; None if not accepted.
 
         Valleys of sliding are curved: without several second-order corrections what remains of the
@@ -326,7 +314,7 @@ class _Solve:
                     return None
                 x = x + extra
             with np.errstate(over="ignore", invalid="ignore"):
-                trial = _point(self.problem, x, multipliers)
+                trial = iterate_at(self.problem, x, multipliers)
             if not np.isfinite(trial.worst):
                 if self.trouble[0] is Status.STALLED:
                     self.trouble = (Status.NOT_FINITE, "")
@@ -338,7 +326,7 @@ class _Solve:
                 return None
         return None
 
-    def _decreases(self, point: _Point, trial: _Point, found: Direction, t: float) -> bool:
+    def _decreases(self, point: Iterate, trial: Iterate, found: Direction, t: float) -> bool:
         """Sufficient decrease of the merit; near a minimum, of the residual instead.
 
         Close to a solution the merit's differences drown in roundoff, and where the Hessian is positive
@@ -346,15 +334,15 @@ class _Solve:
         """
         if found.index == 0 and t == 1.0 and trial.worst < 0.5 * point.worst:
             return True
-        before = self.search.merit(point.local.energy, point.local.constraints)
-        after = self.search.merit(trial.local.energy, trial.local.constraints)
+        before = self.search.merit(point.energy, point.local.constraints)
+        after = self.search.merit(trial.energy, trial.local.constraints)
         slope = float(point.local.gradient @ found.step) - float(
             self.search.penalty @ np.abs(point.local.constraints)
         )
         noise = 1e-14 * abs(before)
         return after <= before + ARMIJO * t * min(slope, 0.0) + noise
 
-    def _allowed(self, point: _Point, trial: _Point) -> bool:
+    def _allowed(self, point: Iterate, trial: Iterate) -> bool:
         """The traps: no facet turns over, the band does not pass through itself."""
         if (inverted_facets(self.problem, trial.x) <= 0).any():
             if self.trouble[0] is not Status.LEFT_TOPOLOGY:
@@ -371,61 +359,43 @@ class _Solve:
         self.unguarded = moved
         return True
 
-    def _complaint(self, point: _Point) -> str | None:
+    def _complaint(self, point: Iterate) -> str | None:
         """What the guard says of a point."""
         guard = self.options.guard
-        return None if guard is None else guard(self.problem.state(point.x))
+        return None if guard is None else guard(point.state)
 
-    def _record_saddle(self, point: _Point, found: Direction) -> None:
-        self.saddles.append(
-            SaddleMet(
-                point.x, point.multipliers, point.local.energy, found.index, point.kkt, point.constraint
-            )
-        )
-
-    def _leave(self, point: _Point, factor: Factor, found: Direction) -> _Point | None:
+    def _leave(self, point: Iterate, found: Direction) -> Iterate | None:
         """Leave a saddle along its lowest eigenvector, to the side and by the length of least energy."""
         v = found.vectors[:, 0]
         v = v * np.sign(v[np.argmax(np.abs(v))])
         size = change(point.x, v)
-        best: _Point | None = None
+        best: Iterate | None = None
         for t in (0.4, 0.1, 0.02, 0.004):
             for side in (1.0, -1.0):
                 x = point.x + (side * t * self.options.step_limit / size) * v
                 for _ in range(4):
                     x = x + self.search.correct(point, x)
-                trial = _point(self.problem, x, point.multipliers)
+                trial = iterate_at(self.problem, x, point.multipliers)
                 if not np.isfinite(trial.worst) or not self._allowed(point, trial):
                     continue
-                lower = (
-                    trial.local.energy < point.local.energy
-                    if best is None
-                    else (trial.local.energy < best.local.energy)
-                )
-                if lower:
+                if trial.energy < (best or point).energy:
                     best = trial
             if best is not None:
                 break
         return best
 
-    def _stopped(self, point: _Point) -> Result:
+    def _stopped(self, point: Iterate) -> Result:
         if self.steps >= self.options.max_steps:
             return self._result(Status.ITERATION_LIMIT, point)
         status, detail = self.trouble
         return self._result(status, point, detail=detail)
 
     def _result(
-        self, status: Status, point: _Point, *, negative: int | None = None, detail: str = ""
+        self, status: Status, point: Iterate, *, negative: int | None = None, detail: str = ""
     ) -> Result:
-        return Result(
-            status=status,
-            x=point.x,
-            multipliers=point.multipliers,
-            state=self.problem.state(point.x),
-            energy=point.local.energy,
-            kkt_residual=point.kkt,
-            constraint_residual=point.constraint,
-            negative=negative,
+        return point.ended(
+            status,
+            negative,
             steps=self.steps,
             saddles=tuple(self.saddles),
             detail=detail,

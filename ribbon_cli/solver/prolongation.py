@@ -68,18 +68,17 @@ def inflections(kappa: Array, band: Band) -> Array:
     return np.unique(np.round(roots[slopes & (roots < band.length * (1 - 1e-12))], 14))
 
 
-def curvature(state: State) -> Array:
-    """Signed curvature (N,) at nodes by fold angle, kappa h = theta / sqrt(1 + eta^2)."""
-    fold = folding.from_state(state)
-    out: Array = fold.theta / (state.band.h * np.sqrt(1.0 + fold.eta**2))
-    return out
+def inflections_of(state: State) -> Array:
+    """Arclengths (k,) of a state's inflections; see `inflections`."""
+    return inflections(folding.from_state(state).curvature(state.band.h), state.band)
 
 
 def grid_shift(roots: Array, h: float, phase: Phase) -> float:
     """Shift in [-h/2, h/2] of a grid of step h that puts inflections on facets' middles or on nodes.
 
     Sliding is a mode of the continuum but not of the grid: which phase is the minimum and which the
-    saddle of index 1 depends on the band. Several inflections share the circular mean of their phases.
+    saddle of index 1 depends on the band. Several inflections, at arclengths `roots` (k,), share the circular
+    mean of their phases.
     """
     if roots.size == 0:
         return 0.0
@@ -96,7 +95,7 @@ def smooth(state: State, segments: int, phase: Phase = Phase.FACET) -> Start:
     old, new = state.band, state.band.with_segments(segments)
     length, sigma = old.length, old.sigma
     fold = folding.from_state(state)
-    kappa = fold.theta / (old.h * np.sqrt(1.0 + fold.eta**2))
+    kappa = fold.curvature(old.h)
     shift = grid_shift(inflections(kappa, old), new.h, phase)
     nodes: Array = shift + new.h * np.arange(segments, dtype=np.float64)
     eta = _sampled_eta(state, fold.eta, new, nodes)
@@ -108,7 +107,7 @@ def smooth(state: State, segments: int, phase: Phase = Phase.FACET) -> Start:
 
 def phase_of(state: State) -> Phase:
     """The grid phase of a state: whether its inflections lie nearer to nodes or to facets' middles."""
-    roots = inflections(curvature(state), state.band)
+    roots = inflections_of(state)
     if roots.size == 0:
         return Phase.FACET
     return Phase.NODE if float(np.cos(2 * np.pi * roots / state.band.h).sum()) > 0 else Phase.FACET
@@ -116,7 +115,7 @@ def phase_of(state: State) -> Phase:
 
 def clear_phase(state: State) -> Phase | None:
     """The grid phase where all inflections sit alike on the grid and near a node or a facet's middle."""
-    roots = inflections(curvature(state), state.band)
+    roots = inflections_of(state)
     if roots.size == 0:
         return None
     alike = np.cos(2 * np.pi * roots / state.band.h)

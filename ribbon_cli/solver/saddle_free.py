@@ -29,6 +29,7 @@ DENSE_SEGMENTS = 400
 QUICK_STEPS = 80
 """Lanczos steps without a shift, ten more for each eigenpair, before a shift is looked for."""
 FIRST_SHIFT = -1e-2
+"""Where a search for a shift begins if nothing is known of the eigenvalues."""
 SHIFTED_STEPS = 240
 LANCZOS_TOLERANCE = 1e-9
 SHIFTED_TOLERANCE = 1e-12
@@ -46,8 +47,8 @@ LANCZOS_CHECKS = 3
 class Direction:
     """A step p (7N,), the multipliers to go with it (5N+3,), and what is known of W_c.
 
-    `negative` eigenvalues (k,) ascending and `vectors` (7N, k) span the negative eigenspace. The plain
-    Newton step is kept beside it.
+    `negative` eigenvalues (k,) ascending and `vectors` (7N, k) span the negative eigenspace. `newton_step`
+    (7N,) is the plain Newton step.
     """
 
     step: Array
@@ -55,7 +56,6 @@ class Direction:
     negative: Array
     vectors: Array
     newton_step: Array
-    newton_multipliers: Array
 
     @property
     def index(self) -> int:
@@ -64,7 +64,7 @@ class Direction:
 
 
 def start_vector(size: int, fixed: np.ndarray) -> Array:
-    """A fixed start for Lanczos, so that runs repeat bit for bit."""
+    """A fixed start (n,) for Lanczos, zero where `fixed`, so that runs repeat bit for bit."""
     v = np.cos(1.0 + np.arange(size, dtype=np.float64) ** 1.5)
     v[fixed] = 0.0
     return v
@@ -89,7 +89,7 @@ def shift_below(matrix: KKTMatrix, count: int) -> Factor:
 
 def _search_shift(any_below: Callable[[float], bool], count: int) -> float:
     """Bracket the lowest eigenvalue by powers of 8, then halve the bracket's logarithm three times."""
-    below, above = -1e-2, 0.0
+    below, above = FIRST_SHIFT, 0.0
     while any_below(below):
         below, above = 8.0 * below, below
         if below < -1e12:
@@ -257,10 +257,10 @@ def direction(
     step, new = plain or newton_step(problem, local, multipliers, factor)
     found = _negative_space(problem, local, factor, index, step, min(2.0 * lowest, 0.0) or FIRST_SHIFT)
     if found is None:
-        return Direction(step, new, np.empty(0), np.empty((problem.size, 0)), step, new)
+        return Direction(step, new, np.empty(0), np.empty((problem.size, 0)), step)
     values, vectors, nu = found
     along = vectors.T @ step
-    return Direction(step - 2.0 * vectors @ along, new - 2.0 * nu @ along, values, vectors, step, new)
+    return Direction(step - 2.0 * vectors @ along, new - 2.0 * nu @ along, values, vectors, step)
 
 
 def _negative_space(
@@ -281,7 +281,7 @@ def _negative_space(
     count = factor.surplus if index is None else index
     if count == 0:
         return None
-    if 0 < count <= min(LANCZOS_LIMIT, few):
+    if count <= min(LANCZOS_LIMIT, few):
         try:
             return negative_eigenpairs(problem, factor, count, near)
         except FactorisationError:

@@ -83,18 +83,6 @@ def sliding_covector(problem: Problem, x: Array, mass: scipy.sparse.csr_matrix, 
     return out
 
 
-def metric_diagonal(problem: Problem, metric: str) -> Array:
-    """Diagonal (7N,) of a metric that is the same at all states: `euclidean` or `physical`.
-
-    Raises ValueError for any other.
-    """
-    if metric not in ("euclidean", "physical"):
-        raise ValueError(f"the metric {metric!r} is not diagonal")
-    blank = problem.state(np.zeros(problem.size))
-    out: Array = metric_named(metric).matrix(blank).diagonal()
-    return out
-
-
 def sliding_overlap(problem: Problem, x: Array, vector: Array) -> float:
     """Cosine, 0 to 1, between a move (7N,) and sliding along the band, in the physical metric."""
     mass = metric_named("physical").matrix(problem.state(x))

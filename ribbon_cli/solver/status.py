@@ -1,11 +1,14 @@
-"""How a solve can end. Each status is a word for programs and a sentence for people."""
+"""How a solve can end, and the places that it comes by. Each status is a word for programs and a sentence for
+people."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import Enum
+from typing import Any
 
 from ..model.band import Array, Multipliers, State
+from ..model.problem import LocalDerivatives, Problem
 
 
 class Status(Enum):
@@ -43,6 +46,9 @@ _SENTENCES = {
     Status.OTHER_SHAPE: "Converged to a shape of the same linking number that is not the one asked for.",
 }
 
+STATIONARY = (Status.MINIMUM, Status.SADDLE, Status.UNDECIDED)
+"""Statuses of stationary points, certified or not."""
+
 
 @dataclass(frozen=True)
 class SaddleMet:
@@ -62,7 +68,8 @@ class Result:
 
     `negative` is the number of negative eigenvalues of the projected Hessian, rotations left out,
     None where it was not determined. `kkt_residual` is the largest component of the Lagrangian's
-    gradient over (u, g, xi), `constraint_residual` that of the constraints of (2.19).
+    gradient over (u, g, xi), `constraint_residual` that of the constraints of (2.19). `surplus_seen` is the
+    largest number of negative eigenvalues met on the way.
     """
 
     status: Status
@@ -76,7 +83,7 @@ class Result:
     steps: int
     saddles: tuple[SaddleMet, ...] = ()
     detail: str = ""
-    surplus_seen: int = field(default=0)
+    surplus_seen: int = 0
 
     @property
     def certified(self) -> bool:
@@ -91,3 +98,49 @@ class Result:
     def named_multipliers(self) -> Multipliers:
         """Multipliers by name, normalised as in (1.58)."""
         return Multipliers.from_vector(self.state.band.segments, self.multipliers)
+
+
+@dataclass(frozen=True, eq=False)
+class Iterate:
+    """A place x (7N,) with multipliers (5N+3,), its derivatives, and both residuals as `Result` has them."""
+
+    problem: Problem
+    x: Array
+    multipliers: Array
+    local: LocalDerivatives
+    kkt_residual: float
+    constraint_residual: float
+
+    @property
+    def energy(self) -> float:
+        """Q_h, not divided by pi b."""
+        return self.local.energy
+
+    @property
+    def state(self) -> State:
+        """The band's shape."""
+        return self.problem.state(self.x)
+
+    @property
+    def worst(self) -> float:
+        """The larger of the two residuals."""
+        return max(self.kkt_residual, self.constraint_residual)
+
+    def ended(self, status: Status, negative: int | None, **more: Any) -> Result:
+        """The result of a solve that ends here; `more` are fields of `Result`, `steps` among them."""
+        return Result(
+            status=status,
+            x=self.x,
+            multipliers=self.multipliers,
+            state=self.state,
+            energy=self.energy,
+            kkt_residual=self.kkt_residual,
+            constraint_residual=self.constraint_residual,
+            negative=negative,
+            **more,
+        )
+
+    def met(self, index: int) -> SaddleMet:
+        """The saddle of an index that this is."""
+        residuals = (self.kkt_residual, self.constraint_residual)
+        return SaddleMet(self.x, self.multipliers, self.energy, index, *residuals)

@@ -147,13 +147,16 @@ def _parse_query(ref: str, query: str) -> dict[str, float]:
     return wanted
 
 
+def no_equilibria(run: Run) -> str:
+    """Why there is nothing to say of a run's equilibria, and where its other states are listed."""
+    return f"{run.name} has no equilibria yet; `ribbon ls {run.short_name} --all` lists its states"
+
+
 def _find_equilibrium(run: Run, wanted: dict[str, float]) -> int:
     """Label of the latest certified equilibrium that fits, else of the latest. Raises UsageError."""
     states = run.states()
     if not states:
-        raise UsageError(
-            f"{run.name} has no equilibria yet; `ribbon ls {run.short_name} --all` lists its states"
-        )
+        raise UsageError(no_equilibria(run))
     at_width = [state for state in states if _has_width(state, wanted.get("b"))]
     if not at_width:
         widths = _join(f"{b:.10g}" for b in sorted({state["half_width"] for state in states}))

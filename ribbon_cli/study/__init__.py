@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from .solve import solve_config
     from .stability import Stability, arrays_of, document_of, stability_of
     from .status import RUN_STATUSES, standing
-    from .table import table_entries
+    from .table import run_table, table_entries
     from .verification import Verification, verify
 
 __all__ = [
@@ -46,6 +46,7 @@ __all__ = [
     "refine_state",
     "rerun",
     "run_spectra",
+    "run_table",
     "solve_config",
     "spectral_convergence",
     "stability_of",
@@ -79,6 +80,7 @@ _HOMES = {
     "refine_state": "refine",
     "rerun": "repeat",
     "run_spectra": "mode_limits",
+    "run_table": "table",
     "solve_config": "solve",
     "spectral_convergence": "mode_limits",
     "stability_of": "stability",

@@ -129,8 +129,7 @@ class Branches:
             return None, known, End(Reason.STEP_TOO_SMALL, base.half_width, f"no tangent here: {error}")
         if taken.point is not None:
             found = taken.point
-            residual = max(found.kkt_residual, found.constraint_residual)
-            self.steps.progress.step(found.steps, found.energy, residual, found.half_width)
+            self.steps.progress.step(found.steps, found.energy, found.worst, found.half_width)
         self.steps.tell(stage, taken.refused)
         events = [self._store_event(stage, event, place, taken, clock) for event in _numbered(taken.events)]
         if taken.point is None or taken.tangent is None:
@@ -183,7 +182,7 @@ class Branches:
     ) -> tuple[StateRecord | None, End | None]:
         """Store a point of a branch; an end if it is not the band that the run is about."""
         singular = "" if event is None else _SINGULAR.get(event.type, "")
-        result = checked(point.problem, point.result(singular), self.steps.half_twists)
+        result = checked(point.result(singular), self.steps.half_twists)
         if result.kkt_residual > 1e-9 or result.status.value in ("left-topology", "other-shape"):
             return None, End(Reason.STEP_TOO_SMALL, parent.half_width, result.message)
         if event is not None:

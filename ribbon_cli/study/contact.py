@@ -13,7 +13,6 @@ from dataclasses import dataclass
 
 from ..model.band import Array, State
 from ..model.contact import Contact, self_contact
-from ..model.problem import Problem
 from ..solver.continuation import Move, to_width
 from ..solver.status import Result, Status
 from ..store import StateRecord
@@ -92,7 +91,7 @@ def _solved(steps: Steps, start: _End, half_width: float, stage: str) -> _End | 
     """The branch at another width, from the nearer end; None, with a note, where no minimum is found."""
     steps.begin(stage, half_width, start.state.band.segments)
     move = to_width(start.state, start.multipliers, half_width, steps.options)
-    result = steps.checked(Problem(move.band), move.result)
+    result = steps.checked(move.result)
     if result.status is not Status.MINIMUM:
         steps.journal.note(f"{stage}: not located, at b = {half_width:.12g}: {result.message}")
         return None

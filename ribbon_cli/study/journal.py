@@ -17,11 +17,10 @@ import numpy as np
 from ..config import SpectrumRequest
 from ..errors import LockedError, StoreError
 from ..model.band import State
-from ..model.problem import Problem
 from ..model.topology import Linking, linking_number
 from ..recipes.eversion import not_everted
 from ..solver.newton import Options
-from ..solver.status import Result, SaddleMet, Status
+from ..solver.status import STATIONARY, Result, SaddleMet, Status
 from ..store import Run, StateRecord
 from ..store.provenance import config_facts
 from .outcome import Outcome
@@ -186,12 +185,12 @@ def _linking(u: bytes, g: bytes, sigma: int, h: float) -> Linking:
     return linking_number(np.frombuffer(u).reshape(-1, 3), np.frombuffer(g).reshape(-1, 3), sigma, h)
 
 
-def checked(problem: Problem, result: Result, half_twists: int, *, everted: bool = False) -> Result:
+def checked(result: Result, half_twists: int, *, everted: bool = False) -> Result:
     """A converged result, or the same with its status changed if it is not the band asked for.
 
     Of an `everted` cylinder, which the linking number does not tell from a ring, the inflections count too.
     """
-    if result.status not in (Status.MINIMUM, Status.SADDLE, Status.UNDECIDED):
+    if not converged(result):
         return result
     state = result.state
     try:
@@ -207,4 +206,4 @@ def checked(problem: Problem, result: Result, half_twists: int, *, everted: bool
 
 def converged(result: Result) -> bool:
     """Whether a result is a stationary band of the right topology, certified or not."""
-    return result.status in (Status.MINIMUM, Status.SADDLE, Status.UNDECIDED)
+    return result.status in STATIONARY

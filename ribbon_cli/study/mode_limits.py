@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from ..errors import UsageError
 from ..report.convergence import Entry, Extrapolation, convergence_rows
 from ..store import Run, StateRecord
+from ..store.refs import no_equilibria
 from .stability import DEFAULT_METRIC, Stability, stability_of
 from .table import table_entries
 
@@ -57,11 +58,7 @@ def spectral_convergence(run: Run, metric: str = DEFAULT_METRIC, modes: int = DE
     Modes are numbered by their order within their label, so that checkerboard modes, which the limit does
     not have, do not shift the others. Raises UsageError for a run without equilibria.
     """
-    entries = table_entries(run)
-    if not entries:
-        raise UsageError(
-            f"{run.name} has no equilibria yet; `ribbon ls {run.short_name} --all` lists its states"
-        )
+    entries = _entries(run)
     sequences: list[ModeSequence] = []
     notes: list[str] = []
     uncertified: list[str] = []
@@ -79,6 +76,14 @@ def spectral_convergence(run: Run, metric: str = DEFAULT_METRIC, modes: int = DE
             notes += [f"{where}: {note}" for note in _symmetry_notes(found)]
         sequences += _sequences(half_width, levels, modes, length)
     return SpectralTable(metric, formula, tuple(sequences), tuple(notes), tuple(uncertified))
+
+
+def _entries(run: Run) -> list[Entry]:
+    """The run's equilibria, one for each half-width and N. Raises UsageError where there is none."""
+    entries = table_entries(run)
+    if not entries:
+        raise UsageError(no_equilibria(run))
+    return entries
 
 
 def _symmetry_notes(found: Stability) -> list[str]:
@@ -108,7 +113,7 @@ def _sequences(
             grid = tuple(n for n, _ in there)
             values = tuple(mode.value for _, mode in there)
             known = dict(zip(grid, values, strict=True))
-            limit = None if label == "checkerboard" else _limit(half_width, label, known, length)
+            limit = None if label == "checkerboard" else _limit(half_width, known, length)
             out.append(
                 ModeSequence(
                     half_width,
@@ -140,7 +145,7 @@ def _reason(label: str, limit: Extrapolation | None) -> str:
     return limit.reason.replace("E_2N - E_N", "from N to 2N").replace("energies", "values")
 
 
-def _limit(half_width: float, label: str, known: dict[int, float], length: float) -> Extrapolation:
+def _limit(half_width: float, known: dict[int, float], length: float) -> Extrapolation:
     entries = [Entry(half_width, n, value, True) for n, value in known.items()]
     return convergence_rows(entries, length).extrapolations[0]
 
@@ -166,10 +171,6 @@ def run_spectra(run: Run, metric: str) -> list[tuple[StateRecord, Stability]]:
     In the Euclidean metric these are the data of Koldaev (2022), Figure 3.14. Raises UsageError for a run
     without equilibria, or with one that has too many segments for dense algebra.
     """
-    entries = table_entries(run)
-    if not entries:
-        raise UsageError(
-            f"{run.name} has no equilibria yet; `ribbon ls {run.short_name} --all` lists its states"
-        )
+    entries = _entries(run)
     records = [run.load(int(entry.label or 0)) for entry in entries]
     return [(record, stability_of(record, metric, full=True)) for record in records]

@@ -5,17 +5,15 @@ from __future__ import annotations
 import math
 
 from ..config import Arclength
-from ..model.problem import Problem
 from ..solver.branch import End, Reason
 from ..solver.continuation import to_width
 from ..solver.status import Status
 from ..store import StateRecord
+from .auxiliary import MOST_HALVINGS
 from .outcome import Course, CoursePoint
 from .records import multipliers_of, state_of
 from .steps import Steps
 
-MOST_HALVINGS = 8
-"""A step in width is given up when 1/256 of it fails too."""
 CONTACT_ACCURACY = 1e-7
 """Part of the band's length to which the first width of contact is bracketed."""
 
@@ -100,7 +98,7 @@ class Natural:
         self.steps.begin(stage, b, current.segments)
         clock = self.journal.clock()
         move = to_width(state_of(current), multipliers_of(current), b, self.steps.options)
-        result = self.steps.checked(Problem(move.band), move.result)
+        result = self.steps.checked(move.result)
         if result.status is not Status.MINIMUM:
             self.beyond += [b] if result.status is Status.LEFT_BRANCH else []
             why = f"a step from b = {current.half_width:.12g} to {b:.12g} failed: {result.message}"

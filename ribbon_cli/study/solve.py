@@ -196,7 +196,7 @@ class _Study:
         if record is None:
             clock = self.journal.clock()
             problem = Problem(band)
-            result = self.steps.checked(problem, solve(problem, state.vector(), None, self.steps.options))
+            result = self.steps.checked(solve(problem, state.vector(), None, self.steps.options))
             if not converged(result):
                 result = self._saddle_left_in_vain(problem, result)
             if not converged(result):
@@ -226,7 +226,7 @@ class _Study:
         """The last saddle that was met, where leaving it led to no band of this kind; else the result."""
         if not result.saddles:
             return result
-        saddle = self.steps.checked(problem, saddle_result(problem, result.saddles[-1]))
+        saddle = self.steps.checked(saddle_result(problem, result.saddles[-1]))
         if not converged(saddle):
             return result
         detail = f"(Index {saddle.negative}; the way down from it ends in: {result.message})"
@@ -301,7 +301,7 @@ class _Study:
             # Doubts are resolved down to one length, however often the step itself was halved.
             parts = max(0, PARTS - halvings)
             move = to_width(state, multipliers, width, self.steps.options, parts)
-            result = self.steps.checked(Problem(move.band), move.result)
+            result = self.steps.checked(move.result)
             if result.status is Status.MINIMUM:
                 kind = "equilibrium" if width == b else "intermediate"
                 return self.steps.store_move(

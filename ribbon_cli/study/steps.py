@@ -49,9 +49,9 @@ class Steps:
         for event in events:
             self.journal.note(f"{stage}: {event}")
 
-    def checked(self, problem: Problem, result: Result) -> Result:
+    def checked(self, result: Result) -> Result:
         """The result with its status changed if it is not the band that this pass is about."""
-        return checked(problem, result, self.half_twists, everted=self.everted)
+        return checked(result, self.half_twists, everted=self.everted)
 
     def store(
         self,
@@ -124,7 +124,7 @@ class Steps:
             move = to_segments(state_of(record), segments, self.options, splitting=splitting)
         except ClosureError as error:
             return f"{stage}: {error}"
-        result = self.checked(Problem(move.band), move.result)
+        result = self.checked(move.result)
         if not converged(result):
             return f"{stage}: {result.message}"
         if result.certified and record.certified:

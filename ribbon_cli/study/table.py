@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from ..report.convergence import Entry
+from ..report.convergence import Entry, Table, convergence_rows
 from ..store import Run
 
 ANOTHER = "another minimum"
@@ -36,6 +36,11 @@ def table_entries(run: Run) -> list[Entry]:
             chosen[place] = entry
     states = {state["label"]: state for state in run.states(all=True)}
     return [replace(entry, breaks=_break(run, states, chosen, entry)) for entry in chosen]
+
+
+def run_table(run: Run) -> Table:
+    """The convergence table of a run, without rows where it has no equilibria."""
+    return convergence_rows(table_entries(run), *(state["length"] for state in run.states()[:1]))
 
 
 def _same(a: Entry, b: Entry) -> bool:

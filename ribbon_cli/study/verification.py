@@ -26,8 +26,8 @@ from ..solver.kkt import KKTMatrix
 from ..solver.linear import Factor, FactorisationError
 from ..solver.newton import Options
 from ..solver.saddle_free import lagrangian_gradient
-from ..solver.status import Result, Status
-from ..store import Run, StateRecord, list_runs, resolve_state
+from ..solver.status import STATIONARY, Result, Status
+from ..store import Run, StateRecord, find_run, list_runs, names_state, resolve_state
 from ..store.verification import Checked, Finding, check_file, check_folder, check_states
 from .constructions import constructed, in_two_pieces
 from .records import Reached, derive, multipliers_of, state_of
@@ -40,7 +40,6 @@ DERIVED = 1e-9
 """Relative difference up to which recomputed quantities agree; the stored ones have rounding errors alone."""
 ENERGY = 1e-12
 """The same of energies, which are sums of positive terms."""
-_STATIONARY = (Status.MINIMUM, Status.SADDLE, Status.UNDECIDED)
 _ARITHMETIC = (ValueError, ArithmeticError, np.linalg.LinAlgError, FactorisationError)
 
 
@@ -64,8 +63,6 @@ def verify(root: Path, ref: str = "all") -> Verification:
 
     Damage is in the findings. Raises UsageError for a reference to nothing.
     """
-    from ..store import find_run, names_state
-
     if ref == "all":
         runs = list_runs(root, aside=True)
         return _joined([_verify_run(run) for run in runs], len(runs))
@@ -133,7 +130,7 @@ def _findings(record: StateRecord) -> Iterator[str]:
     for name, value in again.items():
         yield from _compare(record, name, value, slack)
     yield from _certificate(record, result)
-    if status in _STATIONARY:
+    if status in STATIONARY:
         yield from _inertia(record, problem, local, x)
     yield from check_spectra(record, problem, local, x)
 
