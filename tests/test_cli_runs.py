@@ -351,7 +351,7 @@ def test_ls_filters_states(folder):
     assert ribbon_json("ls", "frozen@b=0.2") == []
     assert "no such states" in ribbon("ls", "frozen@b=0.2").stderr
     assert ribbon("ls", "frozen", "--kind", "none").exit_code == 2
-    assert "did you mean saddle?" in ribbon("ls", "frozen", "--status", "sadle").stderr
+    assert "did you mean saddle" in ribbon("ls", "frozen", "--status", "sadle").stderr
     assert ribbon("ls", "--kind", "saddle").exit_code == 2
 
 

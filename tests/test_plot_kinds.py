@@ -19,6 +19,7 @@ from ribbon_cli.export.formats import FORMATS
 from ribbon_cli.paper import claims
 from ribbon_cli.paper.figures import ITEMS
 from ribbon_cli.paper.make import make
+from ribbon_cli.plot.curves import geometry_figure
 from ribbon_cli.plot.figure import add_caption
 from ribbon_cli.plot.kinds import KINDS
 from ribbon_cli.plot.levels import lowest_elastic
@@ -113,6 +114,16 @@ def test_a_minimum_of_an_auxiliary_problem_is_not_called_one_of_the_band(solved,
     text = page.read_text(encoding="utf-8")
     assert "no equilibrium of the band" in text
     assert "certified minimum" not in text
+
+
+def test_no_curvature_is_drawn_where_the_band_is_cut(solved):  # noqa: F811
+    """A closed band has a fold at node 1; of an open one what is stored there is of no fold."""
+    (cut, *_), (closed, *_) = states_of(solved, "mobius", "auxiliary"), states_of(solved, "mobius")
+    for record, gaps in ((cut, 1), (closed, 0)):
+        with styled(STYLES["paper"]):
+            axes = geometry_figure([record], STYLES["paper"]).axes
+        curves = [line.get_ydata() for panel in axes for line in panel.lines if len(line.get_ydata()) > 2]
+        assert [int(np.isnan(curve).sum()) for curve in curves] == [gaps, gaps, gaps, 0]
 
 
 @pytest.mark.parametrize("style", STYLES)
