@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,8 +21,8 @@ from ribbon_cli.paper import claims
 from ribbon_cli.paper.figures import ITEMS
 from ribbon_cli.paper.make import make
 from ribbon_cli.plot.curves import geometry_figure
-from ribbon_cli.plot.figure import add_caption
-from ribbon_cli.plot.kinds import KINDS
+from ribbon_cli.plot.figure import add_caption, state_caption
+from ribbon_cli.plot.kinds import KINDS, Source, draw
 from ribbon_cli.plot.levels import lowest_elastic
 from ribbon_cli.plot.pictures import family_figure
 from ribbon_cli.plot.style import STYLES, styled
@@ -107,6 +108,8 @@ def test_auxiliary_states_are_drawn(ref, solved, tmp_path):  # noqa: F811
 def test_a_minimum_of_an_auxiliary_problem_is_not_called_one_of_the_band(solved, tmp_path):  # noqa: F811
     words = ("plot", "mobius:4", "shape", "--runs", solved, "-o")
     assert "no equilibrium of the band" in ribbon_json(*words, tmp_path / "one.svg")["caption"]
+    adrift = replace(states_of(solved, "mobius", "auxiliary")[0], linking_number=float("nan"))
+    assert "Lk" not in state_caption([adrift], "mobius")
     row = ribbon_json(*words, tmp_path / "row.svg", "--with", "mobius@b=0.2,N=48")
     assert row["caption"].endswith("(1 of 2 certified, 1 auxiliary)")
     page = tmp_path / "page.html"
@@ -114,6 +117,14 @@ def test_a_minimum_of_an_auxiliary_problem_is_not_called_one_of_the_band(solved,
     text = page.read_text(encoding="utf-8")
     assert "no equilibrium of the band" in text
     assert "certified minimum" not in text
+
+
+def test_what_was_only_constructed_has_no_multipliers_to_draw(solved):  # noqa: F811
+    record = states_of(solved, "mobius", "auxiliary")[0]
+    made = replace(record, gamma=np.full(3, np.nan), status="constructed")
+    source = Source(None, (made,), lambda run: pytest.fail(), lambda state: pytest.fail())
+    with pytest.raises(UsageError, match="has no multipliers: it was constructed, not solved for"):
+        draw("multipliers", source, STYLES["paper"])
 
 
 def test_no_curvature_is_drawn_where_the_band_is_cut(solved):  # noqa: F811

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import logging
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -66,9 +67,11 @@ def state_caption(records: Sequence[StateRecord], run: str | None) -> str:
         where = f"{run}:" if run else "states "
         return f"{where}{labels} ({certified} of {len(records)} certified{beside})"
     (record,) = records
+    linking = record.linking_number
+    links = f"Lk = {round(linking, 6) + 0.0:g}, " if math.isfinite(linking) else ""
     return (
         f"{reference(record, run)}, b = {record.half_width:.6g}, N = {record.segments}, "
-        f"Lk = {round(record.linking_number, 6) + 0.0:g}, E = {record.energy:.9g}, {verdict(record)}, "
+        f"{links}E = {record.energy:.9g}, {verdict(record)}, "
         f"sha256 {content_sha256(record)[:12]}"
     )
 
