@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cli_support import ribbon, ribbon_json
+from matplotlib.figure import Figure
 from picture_support import run_named, solved, states_of  # noqa: F401
 
 from ribbon_cli.cli.export_command import EXPORT_FORMATS
@@ -20,6 +21,7 @@ from ribbon_cli.export.formats import FORMATS
 from ribbon_cli.paper import claims
 from ribbon_cli.paper.figures import ITEMS
 from ribbon_cli.paper.make import make
+from ribbon_cli.plot.branches import _tame
 from ribbon_cli.plot.curves import geometry_figure
 from ribbon_cli.plot.figure import add_caption, state_caption
 from ribbon_cli.plot.kinds import KINDS, Source, draw
@@ -122,7 +124,7 @@ def test_a_minimum_of_an_auxiliary_problem_is_not_called_one_of_the_band(solved,
 def test_what_was_only_constructed_has_no_multipliers_to_draw(solved):  # noqa: F811
     record = states_of(solved, "mobius", "auxiliary")[0]
     made = replace(record, gamma=np.full(3, np.nan), status="constructed")
-    source = Source(None, (made,), lambda run: pytest.fail(), lambda state: pytest.fail())
+    source = Source(None, (made,), lambda run: pytest.fail("drawn"), lambda state: pytest.fail("drawn"))
     with pytest.raises(UsageError, match="has no multipliers: it was constructed, not solved for"):
         draw("multipliers", source, STYLES["paper"])
 
@@ -135,6 +137,16 @@ def test_no_curvature_is_drawn_where_the_band_is_cut(solved):  # noqa: F811
             axes = geometry_figure([record], STYLES["paper"]).axes
         curves = [line.get_ydata() for panel in axes for line in panel.lines if len(line.get_ydata()) > 2]
         assert [int(np.isnan(curve).sum()) for curve in curves] == [gaps, gaps, gaps, 0]
+
+
+def test_a_far_eigenvalue_hides_no_loss_of_stability():
+    """Two branches of ordinary values keep a linear scale; one that goes to -9000 does not flatten them."""
+    for values, scale in (([0.01, -0.7, -0.04], "linear"), ([0.01, -0.7, -0.04, -9000.0], "asinh")):
+        axes = Figure().subplots()
+        axes.plot(values)
+        axes.plot([0.02, np.nan, -0.03])
+        _tame(axes)
+        assert axes.get_yscale() == scale
 
 
 @pytest.mark.parametrize("style", STYLES)
