@@ -334,6 +334,16 @@ def test_an_unstable_point_of_a_branch_is_no_failure(tmp_path, monkeypatch):
     assert counts(standing_of("everted")) == ("complete", 3, 0, 0, 0)
 
 
+def test_ls_knows_how_far_a_run_from_a_given_state_has_come(tmp_path, monkeypatch):
+    """Its width and N are the state's own, which the config does not name."""
+    monkeypatch.chdir(tmp_path)
+    Path("ring.yaml").write_text(QUICK_RING)
+    assert ribbon("solve", "ring.yaml", "-q").exit_code == 0
+    Path("on.yaml").write_text("topology: {half_twists: 0}\ninitial_guess: {state: ring:1}\n")
+    assert ribbon("solve", "on.yaml", "-q").exit_code == 0
+    assert counts(standing_of("on")) == ("complete", 1, 0, 0, 0)
+
+
 def test_ls_filters_states(folder):
     assert [state["label"] for state in ribbon_json("ls", "frozen@b=0.1,N=12")] == [6]
     assert [state["label"] for state in ribbon_json("ls", "frozen", "--kind", "auxiliary")] == [1, 2, 3, 4]
@@ -341,6 +351,7 @@ def test_ls_filters_states(folder):
     assert ribbon_json("ls", "frozen@b=0.2") == []
     assert "no such states" in ribbon("ls", "frozen@b=0.2").stderr
     assert ribbon("ls", "frozen", "--kind", "none").exit_code == 2
+    assert "did you mean saddle" in ribbon("ls", "frozen", "--status", "sadle").stderr
     assert ribbon("ls", "--kind", "saddle").exit_code == 2
 
 

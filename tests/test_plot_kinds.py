@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import re
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from cli_support import ribbon, ribbon_json
+from matplotlib.figure import Figure
 from picture_support import run_named, solved, states_of  # noqa: F401
 
 from ribbon_cli.cli.export_command import EXPORT_FORMATS
@@ -19,8 +21,13 @@ from ribbon_cli.export.formats import FORMATS
 from ribbon_cli.paper import claims
 from ribbon_cli.paper.figures import ITEMS
 from ribbon_cli.paper.make import make
-from ribbon_cli.plot.kinds import KINDS
+from ribbon_cli.plot.branches import _tame
+from ribbon_cli.plot.curves import geometry_figure
+from ribbon_cli.plot.figure import add_caption, state_caption
+from ribbon_cli.plot.kinds import KINDS, Source, draw
 from ribbon_cli.plot.levels import lowest_value
+from ribbon_cli.plot.pictures import family_figure
+from ribbon_cli.plot.style import STYLES, styled
 
 ROOT = Path(__file__).parent.parent
 OF_A_STATE = ("shape", "geometry", "multipliers", "spectrum", "mode", "pattern")
@@ -100,6 +107,60 @@ def test_auxiliary_states_are_drawn(ref, solved, tmp_path):  # noqa: F811
         assert ribbon("plot", ref, kind, "-o", tmp_path / f"{kind}.svg", "--runs", solved).exit_code == 0
 
 
+def test_a_minimum_of_an_auxiliary_problem_is_not_called_one_of_the_band(solved, tmp_path):  # noqa: F811
+    words = ("plot", "mobius:4", "shape", "--runs", solved, "-o")
+    assert "no equilibrium of the band" in ribbon_json(*words, tmp_path / "one.svg")["caption"]
+    adrift = replace(states_of(solved, "mobius", "auxiliary")[0], linking_number=float("nan"))
+    assert "Lk" not in state_caption([adrift], "mobius")
+    row = ribbon_json(*words, tmp_path / "row.svg", "--with", "mobius@b=0.2,N=48")
+    assert row["caption"].endswith("(1 of 2 certified, 1 auxiliary)")
+    page = tmp_path / "page.html"
+    assert ribbon("export", "mobius:4", "--to", "html", "-o", page, "--runs", solved).exit_code == 0
+    text = page.read_text(encoding="utf-8")
+    assert "no equilibrium of the band" in text
+    assert "certified minimum" not in text
+
+
+def test_what_was_only_constructed_has_no_multipliers_to_draw(solved):  # noqa: F811
+    record = states_of(solved, "mobius", "auxiliary")[0]
+    made = replace(record, gamma=np.full(3, np.nan), status="constructed")
+    source = Source(None, (made,), lambda run: pytest.fail("drawn"), lambda state: pytest.fail("drawn"))
+    with pytest.raises(UsageError, match="has no multipliers: it was constructed, not solved for"):
+        draw("multipliers", source, STYLES["paper"])
+
+
+def test_no_curvature_is_drawn_where_the_band_is_cut(solved):  # noqa: F811
+    """A closed band has a fold at node 1; of an open one what is stored there is of no fold."""
+    (cut, *_), (closed, *_) = states_of(solved, "mobius", "auxiliary"), states_of(solved, "mobius")
+    for record, gaps in ((cut, 1), (closed, 0)):
+        with styled(STYLES["paper"]):
+            axes = geometry_figure([record], STYLES["paper"]).axes
+        curves = [line.get_ydata() for panel in axes for line in panel.lines if len(line.get_ydata()) > 2]
+        assert [int(np.isnan(curve).sum()) for curve in curves] == [gaps, gaps, gaps, 0]
+
+
+def test_a_far_eigenvalue_hides_no_loss_of_stability():
+    """Two branches of ordinary values keep a linear scale; one that goes to -9000 does not flatten them."""
+    for values, scale in (([0.01, -0.7, -0.04], "linear"), ([0.01, -0.7, -0.04, -9000.0], "asinh")):
+        axes = Figure().subplots()
+        axes.plot(values)
+        axes.plot([0.02, np.nan, -0.03])
+        _tame(axes)
+        assert axes.get_yscale() == scale
+
+
+@pytest.mark.parametrize("style", STYLES)
+@pytest.mark.parametrize("count", [1, 2, 4])
+def test_titles_stay_inside_whatever_the_caption(style, count, solved):  # noqa: F811
+    records = (states_of(solved, "mobius") * 2)[:count]
+    with styled(STYLES[style]):
+        figure = family_figure(records, STYLES[style])
+        add_caption(figure, "A caption of some length. " * 6, STYLES[style])
+        figure.draw_without_rendering()
+    for axes in figure.axes:
+        assert axes.title.get_window_extent().y1 <= figure.bbox.height
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
@@ -126,6 +187,15 @@ def test_auxiliary_states_are_drawn(ref, solved, tmp_path):  # noqa: F811
         (("mobius:1", "pattern"), "state 1 has an open seam"),
         (("mobius", "branch", "--segments", "25"), "has no equilibrium with N = 25: it has N = 24, 48"),
         (("mobius", "shape", "--with", "mobius:1"), "--with goes with a state"),
+        (("mobius:1", "family", "--with", "mobius:2"), "--with does nothing for family, which shows a run"),
+        (
+            ("mobius", "geometry", "--view", "3,4"),
+            "--view does nothing for geometry: it is for shape",
+        ),
+        (("mobius:1", "mode", "--segments", "24"), "--segments does nothing for mode: it is for geometry"),
+        (("mobius", "spectrum", "--segments", "24"), "--segments does nothing for spectrum"),
+        (("mobius:1", "geometry", "--segments", "24"), "--segments goes with a run"),
+        (("mobius:1", "shape", "-o", "none/x.pdf"), "its folder does not exist: make it first, or choose"),
         (("nothing", "family"), "no run 'nothing'"),
     ],
 )

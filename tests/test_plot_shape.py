@@ -14,7 +14,8 @@ from ribbon_cli.export.mesh import facet_corners, facet_normals, strip
 from ribbon_cli.export.view import automatic_view, principal_axes, view_along, view_in_axes
 from ribbon_cli.plot.outline import SPECK, _edge
 from ribbon_cli.plot.painter import depth_order, hidden
-from ribbon_cli.plot.shape import _shaded, _sides
+from ribbon_cli.plot.pictures import _common_views
+from ribbon_cli.plot.shape import _shaded, _sides, shown_sides
 from ribbon_cli.plot.style import SIDES
 from ribbon_cli.store import StateRecord
 
@@ -110,6 +111,20 @@ def test_sides_change_at_outlines_only(seed, solved):  # noqa: F811
     # Of an odd number of outlines all but one change the colour.
     assert turns_over.sum() % 2 == 1
     assert (side != following).sum() == turns_over.sum() - 1
+
+
+def test_colours_stay_along_a_family(solved):  # noqa: F811
+    """Of neighbours seen from one side, most of the length has the same colour, on another grid as well."""
+    records = states_of(solved, "mobius")
+    assert {record.segments for record in records} == {24, 48}
+    corners = [facet_corners(record) for record in records]
+    views = _common_views(corners, None)
+    for like, seen in [(0, 1), (1, 0), (0, 3), (3, 0)]:
+        sides = shown_sides(records[like], views[like])
+        for given in (sides, ~sides):
+            found = shown_sides(records[seen], views[seen], given)
+            n = found.size
+            assert np.mean(found == given[np.arange(n) * given.size // n]) > 0.8
 
 
 def test_light_does_not_know_the_seam(solved):  # noqa: F811

@@ -303,6 +303,8 @@ def test_what_is_refined_keeps_the_revision_of_its_config(
         ({}, "give either"),
         ({"to": 40, "levels": 1}, "give either"),
         ({"levels": 0}, "at least 1"),
+        ({"levels": 30}, "a band has at most 100000 segments"),
+        ({"to": 100_001}, "a band has at most 100000 segments, got 100001"),
         ({"to": 20}, "has 20 segments already"),
         ({"to": 4}, "at least 8"),
         ({"to": 50, "method": "split"}, "not 20 times a power of 2"),

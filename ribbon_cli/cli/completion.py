@@ -166,6 +166,24 @@ def _states_or_runs(ctx: click.Context, incomplete: str) -> Iterator[str]:
     yield from _references(ctx, incomplete)
 
 
+def _all_or_one(ctx: click.Context, incomplete: str) -> Iterator[str]:
+    yield "all"
+    yield from _states_or_runs(ctx, incomplete)
+
+
+def _statuses(ctx: click.Context, incomplete: str) -> Iterator[str]:
+    """Statuses of runs or, where the line names one, of states."""
+    from ribbon_cli.study import RUN_STATUSES, STATE_STATUSES
+
+    return iter(STATE_STATUSES if ctx.params.get("run") else RUN_STATUSES)
+
+
+def _kinds(ctx: click.Context, incomplete: str) -> Iterator[str]:
+    from ribbon_cli.store import KINDS
+
+    return iter(KINDS)
+
+
 def _templates(ctx: click.Context, incomplete: str) -> Iterator[str]:
     from ribbon_cli.config import templates
 
@@ -184,6 +202,9 @@ def complete_words(words: tuple[str, ...]) -> _Callback:
 complete_run = _candidates(_run_names)
 complete_state = _candidates(_references, "file")
 complete_any = _candidates(_states_or_runs, "file")
+complete_checkable = _candidates(_all_or_one, "file")
+complete_status = _candidates(_statuses)
+complete_kind = _candidates(_kinds)
 complete_template = _candidates(_templates)
 complete_file = _candidates(_nothing, "file")
 complete_folder = _candidates(_nothing, "dir")

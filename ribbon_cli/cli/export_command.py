@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from ribbon_cli.cli.completion import complete_file, complete_state, complete_words
-from ribbon_cli.cli.output import check_target, emit, emit_json
+from ribbon_cli.cli.output import check_target, emit, emit_json, say
 from ribbon_cli.cli.plot_command import open_run_or_state
 from ribbon_cli.cli.settings import Settings, common_options, pass_settings
 from ribbon_cli.errors import UsageError
@@ -33,7 +33,12 @@ EXPORT_FORMATS = ("npz", "vtkhdf", "obj", "stl", "ply", "csv", "json", "svg", "p
 @click.option("-o", "--output", metavar="PATH", shell_complete=complete_file, help="Else RUN-LABEL.FORMAT.")
 @click.option("--size", metavar="MM", type=float, help="Length of the midline: stl (200), svg and pdf (500).")
 @click.option("--thickness", metavar="MM", type=float, help="Of the wall: stl (1).")
-@click.option("--paper", metavar="NAME", help="A4 or Letter: svg (one sheet unless given), pdf (A4).")
+@click.option(
+    "--paper",
+    metavar="NAME",
+    shell_complete=complete_words(("A4", "Letter")),
+    help="A4 or Letter: svg (one sheet unless given), pdf (A4).",
+)
 @click.option("--segments", metavar="N", type=click.IntRange(min=3), help="Of a run, the states with this N.")
 @click.option("--overwrite", is_flag=True, help="Replace the file if there is one.")
 @common_options
@@ -71,6 +76,7 @@ def export(
         if form == "npz":
             raise UsageError(f"npz takes one state: name one of {run.name}, as in {run.short_name}:1")
         states, stem = states_of_run(form, run, options), run.short_name
+        say(settings, f"{_title(run, states)}, N = {states[0].segments}; --segments takes another N")
     elif segments is not None:
         raise UsageError("--segments goes with a run, and the reference names a state")
     else:

@@ -97,4 +97,4 @@ def check_target(
         raise UsageError(f"{path}: exists already and is not replaced: {hint}")
     folder = os.path.dirname(path) or "."
     if not os.path.isdir(folder):
-        raise UsageError(f"{path}: its folder does not exist: make it first, or {hint}")
+        raise UsageError(f"{path}: its folder does not exist: make it first, or choose another with -o")

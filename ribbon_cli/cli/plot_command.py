@@ -29,6 +29,10 @@ PLOT_KINDS = (
     "pattern",
 )
 """Kinds of picture, as in `plot.kinds.KINDS`, which is not loaded for a line of help."""
+_SEEN = ("shape", "family", "mode")
+_ON_ONE_GRID = ("geometry", "multipliers", "branch", "family")
+_OF_A_RUN = ("convergence", "branch", "family")
+"""Kinds that have a view; that can show a run's states of one N; that show a run and nothing else."""
 
 
 @click.command()
@@ -41,7 +45,14 @@ PLOT_KINDS = (
     shell_complete=complete_file,
     help="PDF, SVG or PNG, of a mode also GIF; else RUN-LABEL-KIND.pdf.",
 )
-@click.option("--style", "look", metavar="STYLE", default="paper", help="paper (default) or talk.")
+@click.option(
+    "--style",
+    "look",
+    metavar="STYLE",
+    default="paper",
+    shell_complete=complete_words(("paper", "talk")),
+    help="paper (default) or talk.",
+)
 @click.option(
     "--with",
     "others",
@@ -57,7 +68,7 @@ PLOT_KINDS = (
     help="Of a mode: its number in ribbon spectrum STATE; else the lowest that is no rotation.",
 )
 @click.option("--view", metavar="AZIMUTH,ELEVATION", help="Degrees, in the band's own axes; else chosen.")
-@click.option("--segments", metavar="N", type=click.IntRange(min=3), help="Of a run, the states with this N.")
+@click.option("--segments", metavar="N", type=click.IntRange(min=3), help="Of a run, its states with this N.")
 @click.option("--no-caption", is_flag=True, help="Leave the line out that says what is shown.")
 @click.option("--overwrite", is_flag=True, help="Replace the file if there is one.")
 @common_options
@@ -93,10 +104,11 @@ def plot(
     if kind not in KINDS:
         raise UsageError(f"no kind of picture {kind!r} (known: {', '.join(KINDS)}){suggest(kind, KINDS)}")
     style = find_style(look)
-    if index and kind != "mode":
-        raise UsageError("--index goes with the kind mode")
+    _check_options(kind, index, view, segments, others)
     form = figure_format(output, moving=kind == "mode") if output else "pdf"
     source = _source(settings, ref, kind, others, view, segments, index)
+    if segments and source.states and kind not in _OF_A_RUN:
+        raise UsageError("--segments goes with a run, and the reference names a state")
     path = output or f"{_stem(source, ref)}-{kind}.pdf"
     check_target(path, overwrite)
     picture = draw(kind, source, style)
@@ -118,6 +130,20 @@ def plot(
     else:
         emit(path)
         say(settings, f"{picture.title}. {caption}.")
+
+
+def _check_options(
+    kind: str, index: int | None, view: str | None, segments: int | None, others: tuple[str, ...]
+) -> None:
+    """Refuse an option that would do nothing for this kind of picture. Raises UsageError."""
+    if index and kind != "mode":
+        raise UsageError("--index goes with the kind mode")
+    if view and kind not in _SEEN:
+        raise UsageError(f"--view does nothing for {kind}: it is for {', '.join(_SEEN)}")
+    if segments and kind not in _ON_ONE_GRID:
+        raise UsageError(f"--segments does nothing for {kind}: it is for {', '.join(_ON_ONE_GRID)} of a run")
+    if others and kind in _OF_A_RUN:
+        raise UsageError(f"--with does nothing for {kind}, which shows a run: it goes with a state")
 
 
 def _mode_document(mode: ModeShape | None) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ribbon_cli.cli.completion import complete_any, complete_run
+from ribbon_cli.cli.completion import complete_any, complete_kind, complete_run, complete_status
 from ribbon_cli.cli.output import complain, emit, emit_json, say
 from ribbon_cli.cli.settings import Settings, common_options, pass_settings
 from ribbon_cli.errors import StoreError, UsageError
@@ -24,8 +24,12 @@ _WHOLE_CONFIGS = ("config_text", "config_resolved")
 @click.command()
 @click.argument("run", metavar="[RUN]", required=False, shell_complete=complete_run)
 @click.option("--all", "everything", is_flag=True, help="All kinds of state; all runs, those set aside too.")
-@click.option("--status", metavar="WORD", help="Only runs, or states, with this status.")
-@click.option("--kind", metavar="KIND", help="Only states of this kind, whichever it is.")
+@click.option(
+    "--status", metavar="WORD", shell_complete=complete_status, help="Only runs, or states, with this status."
+)
+@click.option(
+    "--kind", metavar="KIND", shell_complete=complete_kind, help="Only states of this kind, whichever it is."
+)
 @common_options
 @pass_settings
 def ls(settings: Settings, run: str | None, everything: bool, status: str | None, kind: str | None) -> int:
@@ -67,8 +71,10 @@ def _list_states(settings: Settings, ref: str, everything: bool, status: str | N
     """List a run's states that the filters leave."""
     from ribbon_cli.cli.render import states_table
     from ribbon_cli.store import KINDS, find_states
+    from ribbon_cli.study import STATE_STATUSES
 
     _known("kind", kind, KINDS)
+    _known("status", status, STATE_STATUSES)
     run, states = find_states(settings.root, ref, everything or kind is not None)
     lost = run.damage(state["label"] for state in states)
     states = [_as_found(state, lost.get(state["label"])) for state in states]

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ribbon_cli.cli.completion import complete_any
+from ribbon_cli.cli.completion import complete_checkable
 from ribbon_cli.cli.output import complain, emit, emit_json, say
 from ribbon_cli.cli.settings import Settings, common_options, pass_settings
 from ribbon_cli.errors import StoreError
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@click.argument("ref", metavar="[RUN|STATE|all]", default="all", shell_complete=complete_any)
+@click.argument("ref", metavar="[RUN|STATE|all]", default="all", shell_complete=complete_checkable)
 @click.option("--continuum", is_flag=True, help="Hold a RUN or a STATE against the continuum instead.")
 @common_options
 @pass_settings

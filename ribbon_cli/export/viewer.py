@@ -18,6 +18,7 @@ from ribbon_cli.export.align import turned_alike
 from ribbon_cli.export.fields import even_window, field
 from ribbon_cli.export.mesh import FACET_FIELDS, ODD_FIELDS, facet_corners, strip
 from ribbon_cli.export.view import automatic_view
+from ribbon_cli.export.words import verdict
 from ribbon_cli.store import content_sha256
 
 if TYPE_CHECKING:
@@ -64,8 +65,7 @@ def _state(record: StateRecord, placed: Array) -> dict[str, Any]:
         "length": record.length,
         "energy": _number(record.energy),
         "Lk": _number(record.linking_number),
-        "certified": record.certified,
-        "status": record.status,
+        "verdict": verdict(record),
         "contact": record.self_contact,
         "sigma": record.sigma,
         "starts": list(pieces.first),

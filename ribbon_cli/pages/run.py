@@ -48,13 +48,15 @@ def _summary(run: Run, records: list[StateRecord]) -> list[str]:
     counts = ", ".join(f"{count} {kind}" for kind, count in kinds.items())
     touching = [state["half_width"] for state in states if state["self_contact"]]
     contact = f"Self-contact from b = {min(touching):.6g} on." if touching else "No self-contact."
-    worst = max(state["kkt_residual"] or float("nan") for state in states)
+    worst = max((r for state in states if (r := state["kkt_residual"]) is not None), default=float("nan"))
     linking = sorted(
         {round(state["linking_number"], 6) for state in states if state["linking_number"] is not None}
     )
+    again = len(states) - len(latest(states))
+    rest = f" (of {again} another at the same half-width and N is listed)" if again else ""
     return [
         paragraph(
-            f"{run.name}: {len(states)} equilibria at {len(records)} half-widths, {certified} of them "
+            f"{run.name}: {len(states)} equilibria{rest} at {len(records)} half-widths, {certified} "
             f"certified minima of their discrete problem: stationary, no facet inverted, positive definite "
             f"on the constraints by exact count. Stored states: {counts}."
         ),

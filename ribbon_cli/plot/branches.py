@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import groupby, pairwise
 from typing import TYPE_CHECKING, Any
@@ -29,6 +30,8 @@ MARKS = {
     "contact": ("contact", "X"),
 }
 """Name and marker of a point by its type."""
+DWARFED = 100.0
+"""Ratio of the largest eigenvalue to the median beyond which a linear scale shows most as zero."""
 TITLES = ("$E / E_{ring}$", "lowest eigenvalue", "clearance")
 
 
@@ -63,10 +66,25 @@ def arclength_figure(
         axes.set_title(title, loc="left")
         axes.set_xlabel("$b$")
         axes.margins(0.06)
+    _tame(panels[1])
     panels[1].axhline(0.0, color=LIGHT_GREY, linewidth=0.6, zorder=0)
     panels[2].set_ylim(bottom=0.0)
     _legend(figure, courses, used, style)
     return figure
+
+
+def _tame(axes: Axes) -> None:
+    """Where one eigenvalue dwarfs the rest, a scale that is linear near zero and logarithmic beyond."""
+    values = np.concatenate([np.abs(np.asarray(line.get_ydata(), dtype=float)) for line in axes.get_lines()])
+    values = values[np.isfinite(values) & (values > 0.0)]
+    if not values.size or values.max() <= DWARFED * np.median(values):
+        return
+    low, high = math.floor(math.log10(np.median(values))), math.floor(math.log10(values.max()))
+    axes.set_yscale("asinh", linear_width=0.5 * 10.0**low)
+    bottom, top = axes.get_ylim()
+    powers = [10.0**k for k in range(low, high + 1)]
+    axes.set_yticks([t for t in (*(-p for p in powers), 0.0, *powers) if bottom <= t <= top])
+    axes.minorticks_off()
 
 
 def _eigenvalue(point: Point, starts: Mapping[int, float | None]) -> float:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from ribbon_cli.export.fields import even_window, field, placed
+from ribbon_cli.export.mesh import strip
 from ribbon_cli.plot.style import INK, LIGHT_GREY, Style, line_look
 
 if TYPE_CHECKING:
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 GEOMETRY = {"kappa_s": r"$\kappa_s$", "tau": r"$\tau$", "eta": r"$\eta$", "eta_prime": r"$\eta'$"}
+OF_FOLDS = ("kappa_s", "tau", "eta")
+"""Fields of the fold between two facets, which a cut has none of."""
 DWARFED = 20.0
 """Ratio of two curves' largest values beyond which a linear scale shows the smaller as a flat line."""
 MULTIPLIERS = {f"lambda_{k}": rf"$\lambda_{k}$" for k in range(1, 6)}
@@ -68,6 +71,10 @@ def draw_field(
     for k, record in enumerate(records):
         window = even_window(record)
         alpha, shown = placed(record, name, values[k], window) if values else field(record, name, window)
+        if name in OF_FOLDS:
+            shown = shown.copy()
+            # There is no fold at a cut: what is stored there is of the strip as if it were closed.
+            shown[list(strip(record).first)] = np.nan
         axes.plot(alpha, shown, label=curve_label(record, records), zorder=2 + 0.1 * k, **line_look(k))
     alpha_axis(axes, length)
     axes.set_title(title, loc="left", fontsize=plain_size() * 1.15)

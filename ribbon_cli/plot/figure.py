@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import io
 import logging
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ribbon_cli.errors import UsageError
+from ribbon_cli.export.words import verdict
 from ribbon_cli.plot.style import GREY, STYLES, Style, styled
 from ribbon_cli.store.refs import suggest
 
@@ -19,6 +21,8 @@ if TYPE_CHECKING:
 
 FORMATS = ("pdf", "svg", "png")
 ANIMATED = "gif"
+LEADING = 1.4
+"""From line to line of a caption, as a multiple of its letters' size, with the room above and below."""
 
 
 def find_style(name: str) -> Style:
@@ -57,26 +61,34 @@ def state_caption(records: Sequence[StateRecord], run: str | None) -> str:
 
     if len(records) > 1:
         labels = ", ".join(str(record.label) for record in records)
-        certified = sum(record.certified for record in records)
+        auxiliary = sum(record.kind == "auxiliary" for record in records)
+        certified = sum(record.certified and record.kind != "auxiliary" for record in records)
+        beside = f", {auxiliary} auxiliary" if auxiliary else ""
         where = f"{run}:" if run else "states "
-        return f"{where}{labels} ({certified} of {len(records)} certified)"
+        return f"{where}{labels} ({certified} of {len(records)} certified{beside})"
     (record,) = records
-    verdict = "certified minimum" if record.certified else f"{record.kind}, {record.status}: no certificate"
+    linking = record.linking_number
+    links = f"Lk = {round(linking, 6) + 0.0:g}, " if math.isfinite(linking) else ""
     return (
         f"{reference(record, run)}, b = {record.half_width:.6g}, N = {record.segments}, "
-        f"Lk = {round(record.linking_number, 6) + 0.0:g}, E = {record.energy:.9g}, {verdict}, "
+        f"{links}E = {record.energy:.9g}, {verdict(record)}, "
         f"sha256 {content_sha256(record)[:12]}"
     )
 
 
 def add_caption(figure: Figure, caption: str, style: Style) -> None:
-    """Put a caption below a figure in small grey letters, in as many lines as its width asks for."""
+    """Put a caption below a figure in small grey letters, in as many lines as its width asks for.
+
+    The figure grows by their height: taken from the panels, whose scales are fixed, it would push titles out.
+    """
     import textwrap
 
     size = 0.7 * style.font
     # A letter of this font is about 0.53 of its size wide.
     columns = max(20, int(figure.get_figwidth() * 72 / (0.55 * size)))
-    text = "\n".join(textwrap.wrap(caption, columns))
+    lines = textwrap.wrap(caption, columns)
+    figure.set_figheight(figure.get_figheight() + LEADING * size * len(lines) / 72)
+    text = "\n".join(lines)
     figure.supxlabel(text, x=0.005, ha="left", fontsize=size, color=GREY)
 
 

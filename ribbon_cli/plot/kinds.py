@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from textwrap import fill
@@ -140,6 +141,11 @@ def _multipliers(source: Source, style: Style) -> Picture:
     from ribbon_cli.plot.curves import multipliers_figure
 
     states = _several(source)
+    for record in states:
+        if not math.isfinite(record.gamma.sum()):
+            raise UsageError(
+                f"state {record.label} has no multipliers: it was {record.status}, not solved for"
+            )
     curves = [_curves(source, record) for record in states]
     title = "Lagrange multipliers"
     if any(curves):

@@ -195,7 +195,7 @@ def _frame(frames: _Frames, phase: float, style: Style, caption: str | None) -> 
     from ribbon_cli.plot.figure import add_caption
 
     width = 0.7 * style.width
-    height = width * min(1.2, frames.aspect) + 0.12 * style.width
+    height = width * min(1.2, frames.aspect) + 0.04 * style.width
     figure = Figure(figsize=(width, height), dpi=ANIMATION_WIDTH / width, layout="constrained")
     frames.draw(figure.subplots(), phase, style, RULINGS)
     if caption:

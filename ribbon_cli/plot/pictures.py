@@ -12,7 +12,7 @@ import numpy as np
 from ribbon_cli.export.align import turn_between, turned_alike
 from ribbon_cli.export.mesh import facet_corners
 from ribbon_cli.export.view import View, chosen_view
-from ribbon_cli.plot.shape import RULINGS, draw_shape
+from ribbon_cli.plot.shape import RULINGS, draw_shape, shown_sides
 from ribbon_cli.plot.style import GREY, Style
 
 if TYPE_CHECKING:
@@ -105,8 +105,9 @@ def shapes_figure(
         axes.axis("off")
     # In a smaller picture fewer rulings are told apart.
     rulings = RULINGS if columns == 1 else max(24, round(1.5 * RULINGS / columns))
+    sides = _common_sides(panels, views) if aligned else [None] * len(panels)
     for k, (axes, panel, view) in enumerate(zip(places, panels, views, strict=False)):
-        draw_shape(axes, panel.record, style, view, panel.marked, rulings)
+        draw_shape(axes, panel.record, style, view, panel.marked, rulings, sides[k])
         _same_scale(axes, 1.03 * wide, 1.03 * high[k // columns])
         axes.set_title(panel.title)
     return figure
@@ -117,6 +118,21 @@ def _common_views(shapes: Sequence[Array], angles: tuple[float, float] | None) -
     placed = turned_alike(shapes)
     view = chosen_view(placed[len(placed) // 2], angles)
     return [View(view.axes @ turn_between(c, p)) for c, p in zip(shapes, placed, strict=True)]
+
+
+def _common_sides(panels: Sequence[Panel], views: Sequence[View]) -> list[NDArray[np.bool_] | None]:
+    """What each shape's colours are to be like: from the middle shape outwards, its neighbour's.
+
+    A one-sided band's two colours are names; without this they would change from picture to picture.
+    """
+    middle = len(panels) // 2
+    out: list[NDArray[np.bool_] | None] = [None] * len(panels)
+    for way in (range(middle + 1, len(panels)), range(middle - 1, -1, -1)):
+        sides = shown_sides(panels[middle].record, views[middle]) if way else None
+        for k in way:
+            out[k] = sides
+            sides = shown_sides(panels[k].record, views[k], sides)
+    return out
 
 
 def _same_scale(axes: Axes, wide: float, high: float) -> None:

@@ -40,7 +40,7 @@ def draw_shape(
     The two sides have two colours. Light falls by |n.l|, which does not know a normal from its opposite, so
     that nothing shows where the seam lies. `marked` are node numbers, from 1, of rulings drawn in green,
     and `rulings` is the most that are drawn of the others. The colours of a one-sided band are fitted to
-    `like`, the `shown_sides` of a similar shape, if that is given.
+    `like`, the `shown_sides` of a similar shape from the same side, if that is given.
     """
     corners, pieces = facet_corners(record), strip(record)
     view = view or automatic_view(corners)
@@ -61,12 +61,14 @@ def draw_shape(
     return view
 
 
-def shown_sides(record: StateRecord, view: View) -> NDArray[np.bool_]:
-    """Which facets (N,) of a state have the first of the two colours, seen from `view`."""
+def shown_sides(record: StateRecord, view: View, like: NDArray[np.bool_] | None = None) -> NDArray[np.bool_]:
+    """Which facets (N,) of a state have the first of the two colours, seen from `view`; `like` as above."""
     corners = facet_corners(record)
     flat = view.project(corners - corners.reshape(-1, 3).mean(axis=0))
     facing = facet_normals(record) @ view.eye
-    return _sides(facing, depth_order(flat)[1], record.sigma if strip(record).closed else 1, flat)
+    # What covers what takes by far the longest to find, and is not asked where `like` decides.
+    covered = depth_order(flat)[1] if like is None else np.zeros(len(flat), dtype=np.int64)
+    return _sides(facing, covered, record.sigma if strip(record).closed else 1, flat, like)
 
 
 def _sides(
@@ -81,7 +83,7 @@ def _sides(
     A one-sided band turns over an odd number of times, counted once round, so that at one place the
     colour has to stay: at the outline that most of the band covers, or else the shortest, never amid a
     surface. With `like`, it is the outline, and of the two namings the one, with which the most facets
-    have their colour there.
+    have the colour that `like` has at the same part of the length.
     """
     front = facing > 0
     if sigma > 0:
@@ -89,6 +91,7 @@ def _sides(
     # The seam, behind facet N, is no place where the band turns over: there the normal changes its name.
     turns = np.flatnonzero(front != np.append(front[1:], ~front[0]))
     if turns.size and like is not None:
+        like = like[np.arange(front.size) * like.size // front.size]
         found = [_coloured(bool(front[0]), turns, int(kept), front.size) for kept in turns]
         found += [~side for side in found]
         return max(found, key=lambda side: int(np.count_nonzero(side == like)))

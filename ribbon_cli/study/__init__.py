@@ -17,12 +17,13 @@ if TYPE_CHECKING:
     from .repeat import Rerun, rerun
     from .solve import solve_config
     from .stability import Stability, arrays_of, document_of, stability_of
-    from .status import RUN_STATUSES, standing
+    from .status import RUN_STATUSES, STATE_STATUSES, standing
     from .table import run_table, table_entries
     from .verification import Verification, verify
 
 __all__ = [
     "RUN_STATUSES",
+    "STATE_STATUSES",
     "Course",
     "Outcome",
     "Plan",
@@ -57,6 +58,7 @@ __all__ = [
 
 _HOMES = {
     "RUN_STATUSES": "status",
+    "STATE_STATUSES": "status",
     "Course": "outcome",
     "Outcome": "outcome",
     "Plan": "plan",

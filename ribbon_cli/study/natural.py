@@ -91,7 +91,7 @@ class Natural:
 
     def _step(self, name: str, current: StateRecord, b: float, kind: str) -> StateRecord | str:
         """A minimum at a width, stored or computed from the state before it; a sentence if there is none."""
-        stage = f"{name}, b = {b:.17g}"
+        stage = f"{name}, b = {float(b)!r}"
         known = self.journal.finished(stage)
         if known is not None:
             return known

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Literal
 
 from ..config import SpectrumRequest, load_config
+from ..config.recipes import SEGMENTS
 from ..errors import RibbonError, UsageError
 from ..recipes.eversion import not_everted
 from ..store import Run, StateRecord, resolve_state
@@ -96,10 +97,16 @@ def _grids(ref: str, segments: int, to: int | None, levels: int | None, method: 
     if levels is not None:
         if levels < 1:
             raise UsageError("refine: the number of levels must be at least 1")
+        # Bounded before it is made, whatever number of levels was typed.
+        if levels > 32 or segments * 2**levels > SEGMENTS.high:
+            times = f"{segments} doubled {levels} times is more"
+            raise UsageError(f"refine: a band has at most {SEGMENTS.high} segments: {times}")
         return [segments * 2**k for k in range(1, levels + 1)]
     assert to is not None
     if to < 8:
         raise UsageError(f"refine: a band needs at least 8 segments, got {to}")
+    if to > SEGMENTS.high:
+        raise UsageError(f"refine: a band has at most {SEGMENTS.high} segments, got {to}")
     if to == segments:
         raise UsageError(f"{ref}: has {segments} segments already")
     grids = []

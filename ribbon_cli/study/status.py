@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections import Counter
 from typing import Any
 
-from ..config import load_config
+from ..config import Config, load_config
 from ..errors import RibbonError, StoreError
+from ..solver.status import Status
 from ..store import Run
-from .plan import plan_of
+from .plan import plan_of, start_name
 
 RUN_STATUSES = ("complete", "running", "waiting", "failed", "damaged", "unknown")
 """Words for a run as a whole: all targets certified; being written to; targets left; targets missed; ..."""
+STATE_STATUSES = (*(status.value for status in Status), "missing", "damaged")
+"""Words for a state: outcomes of a solve, or what has become of its file."""
 
 Place = tuple[float, int]
 
@@ -78,10 +81,19 @@ def _counts(
     }
 
 
+def _given(run: Run, config: Config) -> Place | None:
+    """Half-width and N that a given state brought, by what was made of it; None before that."""
+    if config.guess.recipe != "state":
+        return None
+    made = (state for state in run.states(all=True) if state["stage"] == start_name(config))
+    return next(((state["half_width"], state["segments"]) for state in made), None)
+
+
 def _planned(run: Run) -> Counter[Place] | None:
     """How often a run's config names each equilibrium by width and N, None where that cannot be told."""
     try:
-        stages = plan_of(load_config(run.path / "resolved.yaml")).stages
+        config = load_config(run.path / "resolved.yaml")
+        stages = plan_of(config, _given(run, config)).stages
     except RibbonError:
         return None
     places: Counter[Place] = Counter()
