@@ -112,7 +112,7 @@ def command_of(block: Block) -> list[str]:
 
 def run_command(command: list[str], folder: Path, env: dict[str, str], where: str) -> str:
     done = subprocess.run(
-        command, cwd=folder, env=env, capture_output=True, text=True, timeout=120, check=False
+        command, cwd=folder, env=env, capture_output=True, text=True, timeout=600, check=False
     )
     assert done.returncode == 0, f"{where}: exit code {done.returncode}\n{done.stdout}{done.stderr}"
     return done.stdout
