@@ -11,6 +11,7 @@ from store_support import CONFIG, RESOLVED, make_record, make_run, relative_file
 
 from ribbon_cli.errors import StoreError, UsageError
 from ribbon_cli.store import Run, content_sha256, encode, log, summary
+from ribbon_cli.store.atomic import temporary_name
 from ribbon_cli.store.log import format_line
 
 
@@ -86,11 +87,12 @@ def test_creation_that_fails_leaves_nothing(tmp_path, monkeypatch):
 
 
 def test_abandoned_creations_are_removed_and_fresh_ones_are_not(tmp_path):
-    for name, age in ((".tmp-old", 7200), (".tmp-new", 0)):
-        (tmp_path / name / "states").mkdir(parents=True)
-        os.utime(tmp_path / name, (time.time() - age,) * 2)
+    old, new = (temporary_name(tmp_path / "mobius-0123abcd") for _ in range(2))
+    for path, age in ((old, 7200), (new, 0)):
+        (path / "states").mkdir(parents=True)
+        os.utime(path, (time.time() - age,) * 2)
     make_run(tmp_path)
-    assert sorted(os.listdir(tmp_path)) == [".tmp-new", "mobius-0123abcd"]
+    assert sorted(os.listdir(tmp_path)) == [new.name, "mobius-0123abcd"]
 
 
 def test_writing_needs_the_lock_and_the_next_label(tmp_path):
@@ -327,6 +329,18 @@ def test_the_log_is_read_on_from_where_it_was_read_to(tmp_path, monkeypatch):
     assert len(parsed) == 1
     run.log_path.write_bytes(run.log_path.read_bytes())
     assert len(Run.open(run.path).entries()) == 4
+
+
+def test_a_log_put_in_the_place_of_another_is_read_anew(tmp_path):
+    """Even if it got the other's inode number, as file systems use them again."""
+    first, other = make_run(tmp_path / "a", states=1), make_run(tmp_path / "b", states=3)
+    reader = Run.open(first.path)
+    assert list(reader.entries()) == [1]
+    before = os.stat(first.log_path).st_ino
+    with open(first.log_path, "r+b") as file:
+        file.write(b"".join(map(format_line, [*reversed(other.events()), *other.events()])))
+    assert os.stat(first.log_path).st_ino == before
+    assert reader.events() == [*reversed(other.events()), *other.events()]
 
 
 def test_set_aside_keeps_the_old_run(tmp_path):

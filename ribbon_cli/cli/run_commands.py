@@ -117,7 +117,7 @@ def _agreed(question: str) -> bool:
     """Ask on standard error; anything but yes, and nobody to answer, is no."""
     try:
         return click.confirm(question, err=True)
-    except click.Abort:
+    except (click.Abort, OSError, RuntimeError):  # standard input may be closed
         return False
 
 

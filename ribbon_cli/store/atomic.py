@@ -8,6 +8,7 @@ from __future__ import annotations
 import errno
 import itertools
 import os
+import re
 from contextlib import suppress
 from pathlib import Path
 
@@ -19,6 +20,8 @@ TEMPORARY = ".tmp-"
 _NO_LINKS = {errno.EPERM, errno.ENOSYS, errno.EOPNOTSUPP, errno.ENOTSUP, errno.EMLINK}
 _NO_FOLDER_SYNC = {errno.EINVAL, errno.ENOSYS, errno.EOPNOTSUPP, errno.ENOTSUP}
 _counter = itertools.count()
+_STEM = 40
+_NAMED = re.compile(re.escape(TEMPORARY) + r".{0,40}-\d+-\d+-[0-9a-f]{8}", re.DOTALL)
 
 
 def write_atomic(path: str | Path, data: bytes, *, overwrite: bool = False) -> None:
@@ -74,7 +77,19 @@ def put_aside(path: Path) -> Path:
 
 def temporary_name(path: Path) -> Path:
     """Return an unused name for an unfinished file or folder beside `path`."""
-    return path.parent / f"{TEMPORARY}{path.stem}-{os.getpid()}-{next(_counter)}-{os.urandom(4).hex()}"
+    # Cut short: a name may be as long as the file system lets it, and no longer.
+    stem = path.stem[:_STEM]
+    return path.parent / f"{TEMPORARY}{stem}-{os.getpid()}-{next(_counter)}-{os.urandom(4).hex()}"
+
+
+def is_temporary(name: str) -> bool:
+    """Whether a name is one that `temporary_name` gives: no other program's, whatever else lies there."""
+    return _NAMED.fullmatch(name) is not None
+
+
+def without_waiting(path: str, flags: int) -> int:
+    """Open a file, as `opener` of `open`; of a pipe, do not wait for its writer."""
+    return os.open(path, flags | os.O_NONBLOCK)
 
 
 def write_durable(path: str | Path, data: bytes) -> None:

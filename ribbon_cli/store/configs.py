@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -54,6 +55,8 @@ def restore(folder: Path, hashes: Mapping[str, str], states: Iterable[Path]) -> 
     for name, key in ((CONFIG, "config_text"), (RESOLVED, "config_resolved")):
         path, wanted = folder / name, hashes.get(name)
         there = read_bytes(path) if path.is_file() else None
+        if there is None and os.path.lexists(path):
+            notes.append(f"renamed {name} to {put_aside(path).name}: not a file")
         if there is not None and (wanted is None or hashlib.sha256(there).hexdigest() == wanted):
             continue
         text = _kept_text(states, key, wanted)

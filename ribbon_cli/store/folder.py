@@ -6,14 +6,17 @@ import hashlib
 import os
 import re
 import shutil
+import stat
 import time
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from ribbon_cli.errors import UsageError
 from ribbon_cli.store import log
-from ribbon_cli.store.atomic import TEMPORARY, sync_folder, temporary_name, write_durable
+from ribbon_cli.store.atomic import is_temporary, sync_folder, temporary_name, write_durable
+from ribbon_cli.store.lock import RunLock
 
 CONFIG = "config.yaml"
 RESOLVED = "resolved.yaml"
@@ -22,14 +25,28 @@ STATES = "states"
 RUN_FORMAT = "ribbon-run"
 RUN_FORMAT_VERSION = "1.1"
 
+RUN_FOLDER = re.compile(r"(?P<name>.+)-[0-9a-f]{8}(?P<aside>\.old-\d+)?")
+"""Name of a run's folder."""
 _STATE_FILE = re.compile(r"(\d{4,})\.h5")
 _ABANDONED = 3600.0
 """Seconds after which an unfinished run folder cannot belong to a process that is still creating it."""
 
 
 def is_run(path: Path) -> bool:
-    """Whether a folder is a run's, be it one that has lost a file."""
-    return not path.name.startswith(".") and any((path / name).is_file() for name in (RESOLVED, LOG))
+    """Whether a folder is a run's, be it one that has lost a file; one that cannot be looked into is by its
+    name.
+    """
+    if path.name.startswith("."):
+        return False
+    for name in (RESOLVED, LOG):
+        try:
+            if stat.S_ISREG(os.stat(path / name).st_mode):
+                return True
+        except PermissionError:
+            return RUN_FOLDER.fullmatch(path.name) is not None
+        except (OSError, ValueError):
+            continue
+    return False
 
 
 def state_name(label: int) -> str:
@@ -106,8 +123,10 @@ def place(temporary: Path, path: Path) -> None:
 def remove(path: Path) -> None:
     """Delete a run's folder: renamed first, so that a kill leaves no half run under its name.
 
-    Raises OSError.
+    Raises UsageError for a link to a run, which is not all of it; OSError.
     """
+    if os.path.islink(path):
+        raise UsageError(f"{path}: a link to {os.path.realpath(path)}: name that folder, or remove the link")
     temporary = temporary_name(path)
     os.rename(path, temporary)
     sync_folder(path.parent)
@@ -115,8 +134,17 @@ def remove(path: Path) -> None:
 
 
 def remove_abandoned(root: Path) -> None:
-    """Remove folders that a killed process was creating long ago. Failures do no harm and are ignored."""
+    """Remove folders that a killed process was creating, removing or repeating a run in long ago.
+
+    None that bears another name, or in which a run is being written. Failures do no harm and are ignored.
+    """
     with suppress(OSError):
-        for path in root.glob(f"{TEMPORARY}*"):
-            if time.time() - path.stat().st_mtime > _ABANDONED:
-                shutil.rmtree(path, ignore_errors=True)
+        for path in [path for path in root.iterdir() if is_temporary(path.name)]:
+            with suppress(OSError):
+                if time.time() - path.stat().st_mtime > _ABANDONED and not _written_in(path):
+                    shutil.rmtree(path, ignore_errors=True)
+
+
+def _written_in(folder: Path) -> bool:
+    """Whether a process writes to a run in a folder, as a repeated run for hours. Raises OSError."""
+    return any(RunLock(path).holder() for path in folder.iterdir() if path.is_dir())

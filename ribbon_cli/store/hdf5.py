@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ribbon_cli.errors import StoreError
+from ribbon_cli.store.atomic import without_waiting
 from ribbon_cli.store.content import values_sha256
 from ribbon_cli.store.fields import Field, assemble, flatten, scales, value_dtype, value_shape
 from ribbon_cli.store.layout import DIMENSIONS, FORMAT, FORMAT_VERSION, SIGNALS
@@ -191,7 +192,7 @@ def decode(path: str | Path) -> StateRecord:
 def read_bytes(path: str | Path) -> bytes:
     """Return a file's bytes. Raises StoreError when it cannot be read or is larger than any state file."""
     try:
-        with open(path, "rb", opener=_without_waiting) as file:
+        with open(path, "rb", opener=without_waiting) as file:
             found = os.fstat(file.fileno())
             if not stat.S_ISREG(found.st_mode):
                 raise StoreError(f"{path}: not a file")
@@ -203,11 +204,6 @@ def read_bytes(path: str | Path) -> bytes:
     if len(data) > MAX_BYTES:
         raise StoreError(f"{path}: larger than any state file ({MAX_BYTES} bytes)")
     return data
-
-
-def _without_waiting(path: str, flags: int) -> int:
-    """Open a file; of a pipe, do not wait for its writer."""
-    return os.open(path, flags | os.O_NONBLOCK)
 
 
 def decode_bytes(data: bytes, source: str) -> StateRecord:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import stat
 import zlib
 from collections.abc import Iterable
 from contextlib import suppress
@@ -19,7 +20,8 @@ from pathlib import Path
 from typing import Any
 
 from ribbon_cli.errors import StoreError
-from ribbon_cli.store.atomic import write_all, write_error
+from ribbon_cli.store.atomic import without_waiting, write_all, write_error
+from ribbon_cli.store.events import check_event
 
 _TAIL = len(',"crc32":"01234567"}')
 
@@ -52,17 +54,17 @@ def parse_line(line: bytes) -> dict[str, Any]:
     if line[-_TAIL:] != f',"crc32":"{zlib.crc32(body):08x}"}}'.encode():
         raise ValueError("its checksum does not match")
     try:
-        entry = json.loads(body)
+        entry: Any = json.loads(body)
     except RecursionError:
         raise ValueError("it is nested too deeply") from None
-    if not isinstance(entry, dict) or not isinstance(entry.get("event"), str):
-        raise ValueError("it is not an event")
-    return entry
+    return check_event(entry)
 
 
 def _unreadable(path: Path, error: OSError) -> StoreError:
     """One line for a log that cannot be read."""
-    return StoreError(f"{path}: cannot be read: {error.strerror}; {_advice(path)}")
+    passing = isinstance(error, PermissionError)
+    advice = "check the folder's permissions" if passing else _advice(path)
+    return StoreError(f"{path}: cannot be read: {error.strerror}; {advice}")
 
 
 def _advice(path: Path) -> str:
@@ -73,7 +75,9 @@ def _advice(path: Path) -> str:
 def read_lines(path: Path, start: int = 0) -> list[bytes]:
     """Return the log's complete lines from an offset on. Raises StoreError when there is no log to read."""
     try:
-        with open(path, "rb") as file:
+        with open(path, "rb", opener=without_waiting) as file:
+            if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+                raise StoreError(f"{path}: not a file; {_advice(path)}")
             file.seek(start)
             data = file.read()
     except OSError as error:
@@ -88,6 +92,7 @@ class LogReader:
         self.path = path
         self._entries: list[dict[str, Any]] = []
         self._end = 0
+        self._last = b""
         self._seen: tuple[int, int, int] | None = None
 
     def entries(self) -> list[dict[str, Any]]:
@@ -100,9 +105,9 @@ class LogReader:
         if seen != self._seen:
             grown = self._seen is not None and seen[0] == self._seen[0] and seen[1] > self._seen[1]
             self._seen = None
-            if not grown:
-                self._entries, self._end = [], 0
-            self._read_on()
+            if not (grown and self._read_on()):
+                self._entries, self._end, self._last = [], 0, b""
+                self._read_on()
             self._seen = seen
         return self._entries
 
@@ -111,8 +116,13 @@ class LogReader:
         """Whether more than whole lines was there when the log was last read."""
         return self._seen is not None and self._seen[1] > self._end
 
-    def _read_on(self) -> None:
-        lines = read_lines(self.path, self._end)
+    def _read_on(self) -> bool:
+        """Read what was appended; return whether it was appended to what was read: a file that was put in
+        the place of another may have got its inode number.
+        """
+        lines = read_lines(self.path, self._end - len(self._last))
+        if self._last and (not lines or lines.pop(0) + b"\n" != self._last):
+            return False
         for line in lines[:-1] if lines and b"\0" in lines[-1] else lines:
             number = len(self._entries) + 1
             try:
@@ -121,7 +131,9 @@ class LogReader:
                 raise StoreError(
                     f"{self.path}:{number}: damaged line: {error}; {_advice(self.path)}"
                 ) from error
-            self._end += len(line) + 1
+            self._last = line + b"\n"
+            self._end += len(self._last)
+        return True
 
 
 def read_log(path: Path) -> list[dict[str, Any]]:

@@ -36,8 +36,13 @@ def pack(run: Run, path: Path, overwrite: bool = False) -> int:
     """Write a run to one file and return the number of its states; the same run gives the same bytes.
 
     Every state is compared with the log first. Raises StoreError for a damaged run, or when the file exists
-    and is not to be overwritten, or cannot be written.
+    and is not to be overwritten, or cannot be written; UsageError where the folder has no run's name.
     """
+    if not _RUN_NAME.fullmatch(run.name):
+        raise UsageError(
+            f"{run.path}: {run.name!r} is not as a run's folder is named, and could not be unpacked: "
+            "call it NAME-HASH8 again"
+        )
     temporary = temporary_name(path)
     try:
         try:

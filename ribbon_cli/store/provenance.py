@@ -15,7 +15,9 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from ribbon_cli.errors import StoreError
 from ribbon_cli.store.folder import CONFIG, RESOLVED
+from ribbon_cli.store.hdf5 import read_bytes
 from ribbon_cli.store.log import utc_now
 
 Facts = dict[str, str | int | float]
@@ -60,8 +62,8 @@ def config_facts(run: Path) -> Facts:
     """
     facts: Facts = {}
     for name, key in ((CONFIG, "config_text"), (RESOLVED, "config_resolved")):
-        with suppress(OSError, ValueError):
-            data = (run / name).read_bytes()
+        with suppress(StoreError, ValueError):
+            data = read_bytes(run / name)
             facts[key] = data.decode()
             if name == CONFIG:
                 facts["config_sha256"] = hashlib.sha256(data).hexdigest()

@@ -119,12 +119,21 @@ def repair(folder: Path) -> list[str]:
     entries, unreadable = log.salvage_log(path)
     notes = [f"dropped {unreadable} damaged lines of the log"] if unreadable else []
     created = next((entry for entry in entries if entry["event"] == "created"), None)
+    if created is not None and [entry for entry in entries if entry["event"] == "created"] != entries[:1]:
+        entries = [created, *(entry for entry in entries if entry["event"] != "created")]
+        notes.append("made the event `created` the first line of the log, and the only one of its kind")
     notes += configs.restore(folder, configs.committed(entries), _files(folder).values())
     if created is None:
         entries.insert(0, created_entry(configs.present(folder)) | {"rebuilt": True})
         notes.append("made a new first line of the log")
-    kept = []
+    kept, seen = [], set()
     for entry in entries:
+        if entry["event"] == "state":
+            label = entry["state"]["label"]
+            if label in seen:
+                notes.append(f"dropped a second line on state {label}")
+                continue
+            seen.add(label)
         entry, note = _checked_entry(folder, entry)
         kept.append(entry)
         notes += [note] if note else []
@@ -184,6 +193,8 @@ def _decoded(data: bytes, path: Path) -> StateRecord:
 
 def _replace(path: Path, entries: list[dict[str, Any]]) -> None:
     """Replace a log in one step, keeping the old one under another name. Raises StoreError."""
-    if path.exists():
+    if path.is_file():
         write_atomic(unused_name(path, "old"), read_bytes(path))
+    elif os.path.lexists(path):
+        put_aside(path)
     write_atomic(path, b"".join(map(log.format_line, entries)), overwrite=True)

@@ -79,7 +79,7 @@ def resolve_state(root: str | Path, ref: str) -> tuple[Run | None, int | None, P
     certified, else the latest); or a path to a state's HDF5 or npz file, whose run and label are None
     outside a run. Raises UsageError, saying what there is instead, when it names none.
     """
-    if ref.endswith(_FILES) or Path(ref).is_file():
+    if ref.endswith(_FILES) or os.path.isfile(ref):
         return _from_path(Path(ref))
     name, at, query = ref.partition("@")
     if at:
@@ -114,7 +114,7 @@ def find_states(root: str | Path, ref: str, all: bool = False) -> tuple[Run, lis
 
 def _from_path(path: Path) -> tuple[Run | None, int | None, Path]:
     """A file, with its run and label where it lies in a run."""
-    if not path.is_file():
+    if not os.path.isfile(path):
         raise UsageError(f"{path}: no such file")
     folder = path.resolve().parent.parent
     if is_run(folder):

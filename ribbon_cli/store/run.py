@@ -22,6 +22,7 @@ from ribbon_cli.store.folder import (
     CONFIG,
     LOG,
     RESOLVED,
+    RUN_FOLDER,
     RUN_FORMAT_VERSION,
     STATES,
     create,
@@ -41,7 +42,6 @@ from ribbon_cli.store.summaries import agrees, describe, summary
 
 _NAME = re.compile(r"\w[\w.-]*")
 _HASH = re.compile(r"[0-9a-f]{8}")
-_FOLDER = re.compile(r"(?P<name>.+)-[0-9a-f]{8}(?P<aside>\.old-\d+)?")
 
 
 class Run:
@@ -62,6 +62,8 @@ class Run:
     def open(cls, path: str | Path) -> Run:
         """Open an existing run. Raises UsageError when the folder is not one."""
         path = Path(path)
+        if path.name in ("", ".."):  # a run's name is its folder's
+            path = path.resolve()
         if not is_run(path):
             raise UsageError(f"{path}: not a run folder (it has neither {RESOLVED} nor {LOG})")
         return cls(path)
@@ -102,13 +104,13 @@ class Run:
     @property
     def short_name(self) -> str:
         """The name that the config gives."""
-        match = _FOLDER.fullmatch(self.name)
+        match = RUN_FOLDER.fullmatch(self.name)
         return match["name"] if match else self.name
 
     @property
     def is_aside(self) -> bool:
         """Whether the run was set aside by a fresh start."""
-        match = _FOLDER.fullmatch(self.name)
+        match = RUN_FOLDER.fullmatch(self.name)
         return bool(match and match["aside"])
 
     @property

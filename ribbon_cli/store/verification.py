@@ -5,6 +5,7 @@ Reading only, without the lock.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -50,6 +51,9 @@ def check_folder(run: Run) -> list[Finding]:
     except StoreError as error:
         return [_from_error(run.log_path, error)]
     found = list(_check_config(run, events))
+    labels = Counter(event["state"]["label"] for event in events if event["event"] == "state")
+    for label in sorted(label for label, count in labels.items() if count > 1):
+        found.append(Finding(str(run.log_path), f"it has {labels[label]} lines on state {label}"))
     for event in events:
         if event["event"] == "state-lost":
             reason = event.get("reason", "its file was missing")

@@ -5,9 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from ..config import Config, load_config
+from ..config import Config
 from ..errors import RibbonError
 from ..store import Run, list_runs
+from .resolved import resolved_config
 
 _MOST = 200
 """Most runs of one name that are looked at."""
@@ -36,7 +37,7 @@ def what_changed(config: Config, root: Path) -> str | None:
 def _settings(run: Run) -> dict[str, Any] | None:
     """A run's settings by path, None where they cannot be read."""
     try:
-        return _flat(load_config(run.path / "resolved.yaml").scientific())
+        return _flat(resolved_config(run).scientific())
     except RibbonError:
         return None
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
-from ..config import SpectrumRequest, load_config
+from ..config import SpectrumRequest
 from ..config.recipes import SEGMENTS
 from ..errors import RibbonError, UsageError
 from ..recipes.eversion import not_everted
@@ -15,6 +15,7 @@ from .journal import run_or_read
 from .outcome import Outcome, Target
 from .progress import Progress, Silence
 from .records import state_of
+from .resolved import resolved_config
 from .steps import Steps
 
 CONFIG_FACTS = ("git_revision", "git_dirty")
@@ -126,6 +127,6 @@ def _grids(ref: str, segments: int, to: int | None, levels: int | None, method: 
 def spectrum_of(run: Run) -> SpectrumRequest:
     """What the run's config asks for."""
     try:
-        return load_config(run.path / "resolved.yaml").spectrum
+        return resolved_config(run).spectrum
     except RibbonError:
         return SpectrumRequest()

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections import Counter
 from typing import Any
 
-from ..config import Config, load_config
+from ..config import Config
 from ..errors import RibbonError, StoreError
 from ..solver.status import Status
 from ..store import Run
 from .plan import plan_of, start_name
+from .resolved import resolved_config
 
 RUN_STATUSES = ("complete", "running", "waiting", "failed", "damaged", "unknown")
 """Words for a run as a whole: all targets certified; being written to; targets left; targets missed; ..."""
@@ -92,7 +93,7 @@ def _given(run: Run, config: Config) -> Place | None:
 def _planned(run: Run) -> Counter[Place] | None:
     """How often a run's config names each equilibrium by width and N, None where that cannot be told."""
     try:
-        config = load_config(run.path / "resolved.yaml")
+        config = resolved_config(run)
         stages = plan_of(config, _given(run, config)).stages
     except RibbonError:
         return None

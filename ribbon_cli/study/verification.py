@@ -8,6 +8,7 @@ certificate rests on.
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -86,7 +87,7 @@ def _joined(groups: list[list[Checked]], runs: int) -> Verification:
     states = 0
     for checked in (item for group in groups for item in group):
         findings += checked.findings
-        states += not (checked.path.is_dir() and checked.label is None)
+        states += not (checked.label is None and os.path.isdir(checked.path))
         if checked.record is not None:
             findings += (Finding(str(checked.path), what) for what in verify_record(checked.record))
     return Verification(runs, states, tuple(findings))

@@ -1,0 +1,115 @@
+"""What a line of a run's log must say, whatever its checksum: readers take its fields for granted."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from ribbon_cli.store.layout import BRANCH, STATE, Item
+
+_SHA256 = re.compile(r"[0-9a-f]{64}")
+_TOPOLOGY = ("half_twists", "sigma")
+_BRANCH_END: dict[str, type | tuple[type, ...]] = {
+    "branch": str,
+    "start": int,
+    "reason": str,
+    "half_width": (int, float),
+    "message": str,
+}
+
+
+def check_event(entry: Any) -> dict[str, Any]:
+    """Return an event of a run's log, unknown kinds too. Raises ValueError for what is none."""
+    if not isinstance(entry, dict) or not isinstance(entry.get("event"), str):
+        raise ValueError("it is not an event")
+    if not isinstance(entry.get("time"), str):
+        raise ValueError("it has no time")
+    if entry["event"] in _CHECKS:
+        _CHECKS[entry["event"]](entry)
+    return entry
+
+
+def _created(entry: dict[str, Any]) -> None:
+    if entry.get("format") != "ribbon-run":
+        raise ValueError("it is not of a run")
+    files = entry.get("files")
+    if not isinstance(files, dict) or not all(_is_sha256(sha) for sha in files.values()):
+        raise ValueError("it has no hashes of the config files")
+
+
+def _state(entry: dict[str, Any]) -> None:
+    state = entry.get("state")
+    if not isinstance(state, dict) or not _is_label(state.get("label")):
+        raise ValueError("it has no state with a label")
+    if not _is_sha256(entry.get("sha256")) or entry.get("file") != f"states/{state['label']:04d}.h5":
+        raise ValueError(f"it does not name the file of state {state['label']} with its hash")
+    topology = state.get("topology")
+    for item in STATE:
+        where = topology if item.field in _TOPOLOGY else state
+        if (item.summary or item.field in _TOPOLOGY) and not _has(where, item):
+            raise ValueError(f"{item.field} of state {state['label']} is missing, or of another type")
+    if state.get("branch") is None:
+        return
+    if state["parent"] is None:
+        raise ValueError(f"state {state['label']} is a point of a branch, and has no parent")
+    for item in BRANCH:
+        if item.summary and not _has(state["branch"], item):
+            raise ValueError(f"branch/{item.field} of state {state['label']} is missing, or of another type")
+
+
+def _lost(entry: dict[str, Any]) -> None:
+    if not _is_label(entry.get("label")):
+        raise ValueError("it names no state")
+
+
+def _ended(entry: dict[str, Any]) -> None:
+    missed = entry.get("missed")
+    if not isinstance(missed, list) or not all(_is_place(place) for place in missed):
+        raise ValueError("its missed targets are not pairs of a half-width and N")
+
+
+def _branch_end(entry: dict[str, Any]) -> None:
+    for key, kind in _BRANCH_END.items():
+        if not isinstance(entry.get(key), kind) or isinstance(entry[key], bool):
+            raise ValueError(f"{key} is missing, or of another type")
+
+
+_CHECKS = {
+    "created": _created,
+    "state": _state,
+    "state-lost": _lost,
+    "ended": _ended,
+    "branch-end": _branch_end,
+}
+
+
+def _has(fields: Any, item: Item) -> bool:
+    """Whether a summary has an item's value, of its type. Not-a-number is null."""
+    if not isinstance(fields, dict) or item.field not in fields:
+        return False
+    value = fields[item.field]
+    if value is None:
+        return item.optional or item.dtype == "float64"
+    if item.dims:
+        return isinstance(value, list) and all(isinstance(text, str) for text in value)
+    if item.dtype in ("bool", "utf-8"):
+        return isinstance(value, bool if item.dtype == "bool" else str)
+    return isinstance(value, int if item.dtype == "int64" else (int, float)) and not isinstance(value, bool)
+
+
+def _is_label(value: Any) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and 0 < value < 10**12
+
+
+def _is_sha256(value: Any) -> bool:
+    return isinstance(value, str) and _SHA256.fullmatch(value) is not None
+
+
+def _is_place(value: Any) -> bool:
+    """Whether a value is a half-width, or null where that is not known, and N."""
+    return (
+        isinstance(value, list)
+        and len(value) == 2
+        and (value[0] is None or isinstance(value[0], int | float))
+        and isinstance(value[1], int)
+    )

@@ -1,0 +1,234 @@
+"""Runs folders that others have put things into: links, pipes, forged lines, names, and what is not ours."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import time
+from pathlib import Path
+
+import pytest
+from cli_support import COMMAND, environment, ribbon, ribbon_json
+from store_support import make_record, make_run
+
+from ribbon_cli.store import Run, export_npz, list_runs, write_atomic
+from ribbon_cli.store.atomic import temporary_name
+from ribbon_cli.store.log import format_line, read_log
+
+FROZEN = Path(__file__).parent / "data" / "format-1.1"
+NAME = "frozen-branch-e83cb1ed"
+READERS = (
+    ("ls",),
+    ("ls", NAME, "--all"),
+    ("show", NAME),
+    ("show", f"{NAME}:2"),
+    ("verify", NAME),
+    ("convergence-table", NAME),
+    ("pack", NAME, "-o", "a.h5"),
+)
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("RIBBON_RUNS", raising=False)
+    shutil.copytree(FROZEN / NAME, tmp_path / "runs" / NAME)
+    return tmp_path
+
+
+# --- the log ---
+
+
+def state(**changes):
+    return lambda entry: {**entry, "state": {**entry["state"], **changes}}
+
+
+def without(key):
+    return lambda entry: {name: value for name, value in entry.items() if name != key}
+
+
+FORGED = {
+    "no state": ("state", without("state")),
+    "no summary": ("state", lambda entry: {**entry, "state": {"label": 1}}),
+    "no hash": ("state", without("sha256")),
+    "no time": ("state", without("time")),
+    "another file": ("state", lambda entry: {**entry, "file": "states/../../other/states/0001.h5"}),
+    "a label in words": ("state", state(label="one")),
+    "a label that is none": ("state", state(label=0)),
+    "half a label": ("state", state(label=1.5)),
+    "a truth for a label": ("state", state(label=True)),
+    "energy in words": ("state", state(energy="low")),
+    "widths": ("state", state(half_width=[0.1])),
+    "a list of stages": ("state", state(stage=["b"])),
+    "topology": ("state", state(topology=[1])),
+    "events": ("state", state(events=5)),
+    "a part of a branch": ("state", state(branch={"name": "up"})),
+    "a list of hashes": ("created", lambda entry: {**entry, "files": ["config.yaml"]}),
+    "nothing missed": ("ended", without("missed")),
+    "missed in threes": ("ended", lambda entry: {**entry, "missed": [[1, 2, 3]]}),
+    "an end of no branch": ("branch-end", without("branch")),
+    "a lost state without a label": ("ended", lambda entry: {"event": "state-lost", "time": entry["time"]}),
+}
+
+
+@pytest.mark.parametrize("what", FORGED)
+def test_a_line_that_says_nonsense_is_damage_whatever_its_checksum(folder, what):
+    run = Run.open(folder / "runs" / NAME)
+    make_run(folder / "runs", 1, "other")
+    kind, forge = FORGED[what]
+    entries = read_log(run.log_path)
+    place = next(k for k, entry in enumerate(entries) if entry["event"] == kind)
+    entries[place] = forge(entries[place])
+    run.log_path.write_bytes(b"".join(map(format_line, entries)))
+    for words in READERS:
+        result = ribbon(*words)
+        assert result.exit_code == 4, (words, result.output)
+        assert f"log.jsonl:{place + 1}: damaged line: " in result.output
+    assert {item["short_name"]: item["status"] for item in json.loads(ribbon("ls", "--json").stdout)} == {
+        "frozen-branch": "damaged",
+        "other": "unknown",
+    }
+    assert ribbon("repair", NAME).exit_code == 0
+    result = ribbon("verify", NAME)
+    assert result.exit_code == 0, result.output
+    assert len(Run.open(run.path).entries()) == 2
+
+
+@pytest.mark.parametrize("order", [[0, 0, 1, 2, 3, 4], [1, 0, 2, 3, 4], [0, 2, 0, 1, 3, 4]])
+def test_repair_makes_one_first_line(folder, order):
+    run = Run.open(folder / "runs" / NAME)
+    entries = read_log(run.log_path)
+    run.log_path.write_bytes(b"".join(format_line(entries[k]) for k in order))
+    assert "first line, and no other" in ribbon("verify", NAME).stdout
+    assert ribbon("repair", NAME).exit_code == 0
+    assert ribbon("verify", NAME).exit_code == 0
+    assert read_log(run.log_path)[0] == entries[0]
+    assert Run.open(run.path).states(all=True) == [
+        entry["state"] | {"run": NAME} for entry in entries if "state" in entry
+    ]
+
+
+def test_a_second_line_on_a_state_is_noticed_and_dropped(folder):
+    run = Run.open(folder / "runs" / NAME)
+    entries = read_log(run.log_path)
+    run.log_path.write_bytes(b"".join(map(format_line, [*entries, state(energy=1.0)(entries[1])])))
+    assert "it has 2 lines on state 1" in ribbon("verify", NAME).stdout
+    assert ribbon("repair", NAME).exit_code == 0
+    assert ribbon("verify", NAME).exit_code == 0
+    assert Run.open(run.path).entries()[1] == entries[1]
+
+
+# --- what is no file ---
+
+
+@pytest.mark.parametrize("name", ["log.jsonl", "resolved.yaml", "config.yaml", "lock.holder", "lock.claim"])
+def test_a_pipe_in_a_run_keeps_nobody_waiting(folder, name):
+    run = folder / "runs" / NAME
+    (run / name).unlink(missing_ok=True)
+    os.mkfifo(run / name)
+    for words in (("ls",), ("show", NAME), ("verify", NAME), ("repair", NAME), ("verify", NAME)):
+        done = subprocess.run(
+            [*COMMAND, *words], capture_output=True, text=True, timeout=30, env=environment()
+        )
+        assert "internal error" not in done.stderr
+    assert done.returncode == 0, done.stderr
+    assert all((run / name).is_file() for name in ("log.jsonl", "resolved.yaml", "config.yaml"))
+
+
+def test_a_run_that_cannot_be_looked_into_hides_no_other(folder, monkeypatch):
+    make_run(folder / "runs", 1, "shut")
+    look = os.stat
+
+    def refused(path, *args, **keys):
+        if isinstance(path, str | os.PathLike) and "shut-0123abcd/" in os.fspath(path):
+            raise PermissionError(13, "Permission denied", os.fspath(path))
+        return look(path, *args, **keys)
+
+    monkeypatch.setattr(os, "stat", refused)
+    found = {item["short_name"]: item for item in ribbon_json("ls", code=4)}
+    assert found["frozen-branch"]["status"] == "complete"
+    assert found["shut"]["status"] == "damaged"
+    assert "Permission denied" in found["shut"]["damage"]
+    assert ribbon("show", "frozen-branch").exit_code == 0
+
+
+# --- names and links ---
+
+
+def test_a_link_to_a_run_is_not_deleted_for_it(folder):
+    shutil.move(folder / "runs" / NAME, folder / "elsewhere")
+    os.symlink("../elsewhere", folder / "runs" / NAME)
+    result = ribbon("rm", NAME, "--yes")
+    assert result.exit_code == 2
+    assert f"a link to {folder / 'elsewhere'}" in result.stderr
+    assert [run.name for run in list_runs("runs")] == [NAME]
+    assert ribbon("verify", NAME).exit_code == 0
+
+
+def test_a_run_may_be_named_from_within(folder, monkeypatch):
+    monkeypatch.chdir(folder / "runs" / NAME)
+    assert ribbon_json("show", "./")["name"] == NAME
+    assert ribbon("pack", "./", "-o", folder / "a.h5").exit_code == 0
+    assert ribbon("unpack", folder / "a.h5", "--runs", folder / "other").exit_code == 0
+
+
+def test_what_could_not_be_unpacked_is_not_packed(folder):
+    os.rename(folder / "runs" / NAME, folder / "runs" / "mine")
+    result = ribbon("pack", "mine")
+    assert result.exit_code == 2
+    assert "could not be unpacked" in result.stderr
+    assert os.listdir(folder) == ["runs"]
+
+
+@pytest.mark.parametrize("words", [["show"], ["ls"], ["verify"], ["path"], ["rm", "--yes"]])
+@pytest.mark.parametrize("tail", ["", ":3", ".h5", "@b=1"])
+def test_a_reference_longer_than_any_file_s_name_is_a_usage_error(folder, words, tail):
+    assert ribbon(*words, "a" * 5000 + tail).exit_code == 2
+
+
+def test_a_file_may_have_the_longest_name(tmp_path):
+    path = tmp_path / ("a" * 251 + ".npz")
+    export_npz(make_record(), path)
+    assert path.is_file()
+    write_atomic(tmp_path / ("ä" * 127), b"")
+
+
+def test_nobody_to_ask_is_no(folder):
+    done = subprocess.run(
+        ["/bin/sh", "-c", 'exec "$@" <&-', "sh", *COMMAND, "rm", NAME],
+        capture_output=True,
+        text=True,
+        env=environment(),
+    )
+    assert done.returncode == 2
+    assert "is kept" in done.stderr
+    assert (folder / "runs" / NAME).is_dir()
+
+
+# --- what is removed as abandoned ---
+
+
+def old(path: Path) -> Path:
+    os.utime(path, (time.time() - 7200,) * 2)
+    return path
+
+
+def test_only_our_own_abandoned_folders_are_removed(tmp_path):
+    foreign = tmp_path / ".tmp-of-another-program"
+    ours = temporary_name(tmp_path / "ring-01234567")
+    again = temporary_name(tmp_path / "rerun-ring-01234567")
+    for path in (foreign, ours):
+        (path / "states").mkdir(parents=True)
+        old(path)
+    inside = make_run(again, 1)
+    with inside.writing():
+        old(again)
+        make_run(tmp_path, 1, "first")
+        assert not ours.exists()
+        assert foreign.is_dir()
+        assert len(list_runs(again)) == 1  # repeated for hours, and not done yet
+    old(again)
+    make_run(tmp_path, 1, "second")
+    assert not again.exists()
