@@ -6,6 +6,9 @@ import math
 import os
 import shutil
 import signal
+import sys
+import time
+import weakref
 from collections.abc import Callable
 from typing import Any
 
@@ -14,6 +17,7 @@ from cli_support import ESCAPE, QUICK_MOBIUS, parse_json, ribbon, ribbon_json
 from store_support import make_record, make_run
 
 from ribbon_cli import study
+from ribbon_cli.cli import main
 from ribbon_cli.cli.group import Stopped
 from ribbon_cli.errors import LockedError
 from ribbon_cli.study import Outcome, Target
@@ -155,6 +159,34 @@ def test_interruptions_say_what_is_kept(scripted, number, code, words):
     name = signal.Signals(number).name
     kept = "everything committed is kept, and the same line again resumes"
     assert result.stderr == f"ribbon: interrupted by {name}: {kept}\n"
+
+
+def test_a_signal_in_a_callback_that_cannot_raise_stops_a_moment_later(monkeypatch, capfd):
+    """As in those of weak references, which h5py has by the thousand: Python drops what they raise."""
+
+    class Thing:
+        pass
+
+    monkeypatch.setattr(sys, "unraisablehook", main._unraised)
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGALRM)}
+    signal.signal(signal.SIGTERM, main._stop)
+    try:
+        things = [Thing()]
+        kept = weakref.ref(things[0], lambda _: signal.raise_signal(signal.SIGTERM))
+
+        def work():
+            things.clear()
+            time.sleep(10)
+
+        with pytest.raises(Stopped) as stopped:
+            work()
+        assert kept() is None
+        assert stopped.value.number == signal.SIGTERM
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+    assert capfd.readouterr().err == ""
 
 
 def test_refine_hands_over_what_it_is_given(scripted):

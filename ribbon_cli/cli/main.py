@@ -43,6 +43,10 @@ os.environ |= dict.fromkeys(
 )
 
 
+_MOMENT = 0.01
+"""Seconds, enough to be out of a callback."""
+
+
 def _version(ctx: click.Context, parameter: click.Parameter, value: bool) -> None:
     """Print the version and leave; looked up only now, because that takes time."""
     if value and not ctx.resilient_parsing:
@@ -111,6 +115,7 @@ def main() -> None:
     for number in (signal.SIGINT, signal.SIGTERM):
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, _stop)
+    sys.unraisablehook = _unraised
     for stream in (sys.stdout, sys.stderr):
         # A file's name that is no text, or a locale without Greek, must not end a run.
         if hasattr(stream, "reconfigure"):
@@ -122,3 +127,13 @@ def main() -> None:
 def _stop(number: int, frame: FrameType | None) -> NoReturn:
     """End what is under way by an exception, so that locks are released and the terminal is put in order."""
     raise Stopped(number)
+
+
+def _unraised(info: sys.UnraisableHookArgs) -> None:
+    """Where a signal arrives in a callback that cannot raise, as h5py has them, stop a moment later."""
+    stopped = info.exc_value
+    if not isinstance(stopped, Stopped):
+        sys.__unraisablehook__(info)
+        return
+    signal.signal(signal.SIGALRM, lambda number, frame: _stop(stopped.number, frame))
+    signal.setitimer(signal.ITIMER_REAL, _MOMENT)
