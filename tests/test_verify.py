@@ -74,7 +74,7 @@ def test_a_wrong_number_is_noticed(records, name, label):
 
 def test_a_saddle_that_claims_to_be_a_minimum_is_found_out(records):
     saddle = records[SADDLE]
-    claim = replace(saddle, status="minimum", certified=True, negative_eigenvalues=0)
+    claim = replace(saddle, kind="equilibrium", status="minimum", certified=True, negative_eigenvalues=0)
     assert verify_record(claim) == ["negative_eigenvalues is 0, recomputed 1"]
 
 

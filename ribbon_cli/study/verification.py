@@ -30,8 +30,10 @@ from ..solver.saddle_free import lagrangian_gradient
 from ..solver.status import STATIONARY, Result, Status
 from ..store import Run, StateRecord, find_run, list_runs, names_state, resolve_state
 from ..store.verification import Checked, Finding, check_file, check_folder, check_states
+from .branch_checks import check_branch
 from .constructions import constructed, in_two_pieces
 from .records import Reached, derive, multipliers_of, state_of
+from .spectra_again import check_values
 from .spectra_checks import check_spectra
 
 EPS = float(np.finfo(float).eps)
@@ -130,10 +132,13 @@ def _findings(record: StateRecord) -> Iterator[str]:
     slack = _residual_slack(problem, local, x, multipliers)
     for name, value in again.items():
         yield from _compare(record, name, value, slack)
+    yield from _kind(record, status, problem)
     yield from _certificate(record, result)
     if status in STATIONARY:
         yield from _inertia(record, problem, local, x)
     yield from check_spectra(record, problem, local, x)
+    yield from check_values(record, problem, local, x)
+    yield from check_branch(record, problem, x)
 
 
 def _two_pieces(record: StateRecord) -> Iterator[str]:
@@ -223,6 +228,20 @@ def _worst(a: Array, b: Array) -> str:
 def _grazing(record: StateRecord, name: str) -> bool:
     """Whether facets are so near to touching that rounding decides."""
     return name == "self_contact" and record.clearance <= 4.0 * GRAZING_TOLERANCE * record.length
+
+
+def _kind(record: StateRecord, status: Status, problem: Problem) -> Iterator[str]:
+    """A state whose rulings are held is no equilibrium of the band, and a minimum is no saddle."""
+    held = bool(problem.prescription.rulings) or problem.prescription.seam is not None
+    if (held or status is Status.CONSTRUCTED) != (record.kind == "auxiliary"):
+        what = "with prescribed rulings" if held else "with none prescribed"
+        yield f"kind is {record.kind}, of a state {what} and status {record.status}"
+    if record.kind == "saddle" and status is not Status.SADDLE:
+        yield f"kind is saddle with status {record.status}"
+    if record.kind in ("equilibrium", "intermediate") and status not in _STATIONARY:
+        yield f"kind is {record.kind} with status {record.status}"
+    if status is Status.SADDLE and not record.negative_eigenvalues:
+        yield f"status is saddle with negative_eigenvalues = {record.negative_eigenvalues}"
 
 
 def _certificate(record: StateRecord, result: Result) -> Iterator[str]:
