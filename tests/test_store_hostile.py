@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import resource
 import shutil
 import subprocess
 import time
@@ -13,8 +14,10 @@ import pytest
 from cli_support import COMMAND, environment, ribbon, ribbon_json
 from store_support import make_record, make_run
 
+from ribbon_cli.errors import StoreError
 from ribbon_cli.store import Run, export_npz, list_runs, write_atomic
 from ribbon_cli.store.atomic import temporary_name
+from ribbon_cli.store.lock import RunLock, _file_lock
 from ribbon_cli.store.log import format_line, read_log
 
 FROZEN = Path(__file__).parent / "data" / "format-1.1"
@@ -205,6 +208,40 @@ def test_nobody_to_ask_is_no(folder):
     assert done.returncode == 2
     assert "is kept" in done.stderr
     assert (folder / "runs" / NAME).is_dir()
+
+
+def test_a_lock_in_an_empty_folder_is_no_run_and_in_nobody_s_way(tmp_path):
+    """As a process leaves it that was about to lock a run which another deleted."""
+    run = make_run(tmp_path, 1)
+    path, lock = run.path, RunLock(run.path)
+    run.remove()
+    with _file_lock(path / "lock"):
+        assert os.listdir(path) == ["lock"]
+    assert not lock.held
+    assert len(make_run(tmp_path, 1).entries()) == 1
+    assert sorted(os.listdir(tmp_path)) == [path.name]
+    run.remove()
+    path.mkdir()
+    (path / "precious").touch()
+    with pytest.raises(StoreError, match="not empty"):
+        make_run(tmp_path)
+    assert os.listdir(path) == ["precious"]
+
+
+@pytest.mark.parametrize("blocks", [1, 20, 60])
+def test_a_pack_that_finds_no_room_says_so_and_leaves_nothing(folder, blocks):
+    """In a process of its own: HDF5 may end a process whose writes fail."""
+    limits = (blocks * 1024, resource.RLIM_INFINITY)
+    done = subprocess.run(
+        [*COMMAND, "pack", NAME, "-o", "a.h5"],
+        capture_output=True,
+        text=True,
+        env=environment(),
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, limits),
+    )
+    assert (done.returncode, done.stdout) == (4, "")
+    assert done.stderr == "ribbon: a.h5: cannot be written: File too large; check the file system\n"
+    assert os.listdir(folder) == ["runs"]
 
 
 # --- what is removed as abandoned ---

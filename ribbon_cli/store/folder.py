@@ -16,7 +16,7 @@ from typing import Any
 from ribbon_cli.errors import UsageError
 from ribbon_cli.store import log
 from ribbon_cli.store.atomic import is_temporary, sync_folder, temporary_name, write_durable
-from ribbon_cli.store.lock import RunLock
+from ribbon_cli.store.lock import HOLDER, LOCK, RunLock
 
 CONFIG = "config.yaml"
 RESOLVED = "resolved.yaml"
@@ -106,10 +106,31 @@ def create(path: Path, files: Mapping[str, bytes]) -> None:
             place(temporary, path)
         except OSError:
             if not is_run(path):
-                raise
+                if not _has_lock_alone(path):
+                    raise
+                _clear(path)
+                place(temporary, path)
             sync_folder(path.parent)
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
+
+
+def _has_lock_alone(path: Path) -> bool:
+    """Whether a folder is what a process leaves that locks a run while another deletes it."""
+    try:
+        return set(os.listdir(path)) <= {LOCK, HOLDER}
+    except OSError:
+        return False
+
+
+def _clear(path: Path) -> None:
+    """Take a folder away that is no run. Raises OSError."""
+    other = temporary_name(path)
+    os.rename(path, other)
+    if is_run(other):  # another process has put a run there meanwhile
+        os.rename(other, path)
+    else:
+        shutil.rmtree(other, ignore_errors=True)
 
 
 def place(temporary: Path, path: Path) -> None:

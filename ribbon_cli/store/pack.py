@@ -5,6 +5,7 @@ at.
 from __future__ import annotations
 
 import hashlib
+import io
 import os
 import re
 import shutil
@@ -59,16 +60,86 @@ def pack(run: Run, path: Path, overwrite: bool = False) -> int:
 
 def _write(run: Run, path: Path) -> int:
     """Write the whole file. Raises OSError, StoreError."""
-    import h5py
-    from h5py import h5f, h5g, h5p
+    with _Sink(path) as sink:
+        try:
+            return _write_to(run, sink)
+        finally:
+            sink.check()
+
+
+class _Sink(io.FileIO):
+    """A new file that keeps its first failure, and what it could not write, until it is asked.
+
+    HDF5 ends the process where a file that it has open cannot be written.
+    """
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path, "x+")
+        self.failure: OSError | None = None
+        self._kept: list[tuple[int, bytes]] = []
+
+    def write(self, data: Any) -> int:
+        """Write all; after a failure, keep it."""
+        view = memoryview(data).cast("B")
+        start, done = self.tell(), 0
+        try:
+            while done < len(view) and self.failure is None:
+                done += super().write(view[done:]) or 0
+        except OSError as error:
+            self.failure = error
+        if done < len(view):
+            self._kept.append((start, bytes(view)))
+            self.seek(start + len(view))
+        return len(view)
+
+    def readinto(self, buffer: Any) -> int:
+        """Read what was written, be it kept."""
+        view = memoryview(buffer).cast("B")
+        start = self.tell()
+        end = start + len(view)
+        found = super().readinto(view) or 0
+        view[found:] = bytes(len(view) - found)
+        for at, data in self._kept:
+            low, high = max(start, at), min(end, at + len(data))
+            if low < high:
+                view[low - start : high - start] = data[low - at : high - at]
+        self.seek(end)
+        return len(view)
+
+    def truncate(self, size: int | None = None) -> int:
+        """Cut or extend the file."""
+        try:
+            return super().truncate(size)
+        except OSError as error:
+            self.failure = self.failure or error
+            return size or 0
+
+    def check(self) -> None:
+        """Raise the first failure, if any."""
+        if self.failure is not None:
+            raise self.failure
+
+
+def _create(sink: _Sink) -> h5py.h5f.FileID:
+    """A new HDF5 file in a sink. Its driver's settings end here: freed after Python, they crash."""
+    from h5py import h5f, h5fd, h5p
 
     creation = h5p.create(h5p.FILE_CREATE)
     creation.set_obj_track_times(False)
     access = h5p.create(h5p.FILE_ACCESS)
+    access.set_fileobj_driver(h5fd.fileobj_driver, sink)
     access.set_libver_bounds(h5f.LIBVER_V110, h5f.LIBVER_V110)
+    return h5f.create(b"pack", h5f.ACC_TRUNC, creation, access)
+
+
+def _write_to(run: Run, sink: _Sink) -> int:
+    """Write the whole file. Raises OSError, StoreError."""
+    import h5py
+    from h5py import h5f, h5g, h5p
+
     entries = run.entries()
     lines = read_bytes(run.log_path)
-    with h5py.File(h5f.create(os.fsencode(path), h5f.ACC_EXCL, creation, access)) as file:
+    with h5py.File(_create(sink)) as file:
         for name, text in (("format", FORMAT), ("format_version", FORMAT_VERSION), ("run", run.name)):
             write_text(file.id, name, text)
         plain = h5p.create(h5p.GROUP_CREATE)
@@ -79,6 +150,7 @@ def _write(run: Run, path: Path) -> int:
             _write_file(file, name, read_bytes(run.path / name))
         _write_file(file, LOG, lines[: lines.rfind(b"\n") + 1])
         for label, entry in entries.items():
+            sink.check()
             data = run.committed_bytes(label, entry)
             _write_file(file, state_name(label), data)
             with h5py.File(h5f.open_file_image(data)) as state:
