@@ -238,7 +238,7 @@ def _kind(record: StateRecord, status: Status, problem: Problem) -> Iterator[str
         yield f"kind is {record.kind}, of a state {what} and status {record.status}"
     if record.kind == "saddle" and status is not Status.SADDLE:
         yield f"kind is saddle with status {record.status}"
-    if record.kind in ("equilibrium", "intermediate") and status not in _STATIONARY:
+    if record.kind in ("equilibrium", "intermediate") and status not in STATIONARY:
         yield f"kind is {record.kind} with status {record.status}"
     if status is Status.SADDLE and not record.negative_eigenvalues:
         yield f"status is saddle with negative_eigenvalues = {record.negative_eigenvalues}"
