@@ -3,12 +3,35 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from ribbon_cli.store.layout import BRANCH, STATE, Item
 
 _SHA256 = re.compile(r"[0-9a-f]{64}")
 _TOPOLOGY = ("half_twists", "sigma")
+_NONE: set[type] = {type(None)}
+_JSON: dict[str, set[type]] = {
+    "bool": {bool},
+    "utf-8": {str},
+    "int64": {int},
+    "float64": {int, float} | _NONE,
+}
+"""What a value may be in JSON, by the type that it has in a file; not-a-number is null."""
+
+
+def _types(items: Iterable[Item]) -> dict[str, frozenset[type]]:
+    """The types by field; no class is taken for another, as bool is for int by `isinstance`."""
+    found = {}
+    for item in items:
+        types: set[type] = {list} if item.dims else _JSON[item.dtype]
+        found[item.field] = frozenset(types | _NONE if item.optional else types)
+    return found
+
+
+_OF_STATE = _types(item for item in STATE if item.summary and item.field not in _TOPOLOGY)
+_OF_TOPOLOGY = _types(item for item in STATE if item.field in _TOPOLOGY)
+_OF_BRANCH = _types(item for item in BRANCH if item.summary)
 _BRANCH_END: dict[str, type | tuple[type, ...]] = {
     "branch": str,
     "start": int,
@@ -43,18 +66,14 @@ def _state(entry: dict[str, Any]) -> None:
         raise ValueError("it has no state with a label")
     if not _is_sha256(entry.get("sha256")) or entry.get("file") != f"states/{state['label']:04d}.h5":
         raise ValueError(f"it does not name the file of state {state['label']} with its hash")
-    topology = state.get("topology")
-    for item in STATE:
-        where = topology if item.field in _TOPOLOGY else state
-        if (item.summary or item.field in _TOPOLOGY) and not _has(where, item):
-            raise ValueError(f"{item.field} of state {state['label']} is missing, or of another type")
+    of = f"of state {state['label']} is missing, or of another type"
+    _require(state, _OF_STATE, of)
+    _require(state.get("topology"), _OF_TOPOLOGY, of)
     if state.get("branch") is None:
         return
     if state["parent"] is None:
         raise ValueError(f"state {state['label']} is a point of a branch, and has no parent")
-    for item in BRANCH:
-        if item.summary and not _has(state["branch"], item):
-            raise ValueError(f"branch/{item.field} of state {state['label']} is missing, or of another type")
+    _require(state["branch"], _OF_BRANCH, of)
 
 
 def _lost(entry: dict[str, Any]) -> None:
@@ -83,18 +102,17 @@ _CHECKS = {
 }
 
 
-def _has(fields: Any, item: Item) -> bool:
-    """Whether a summary has an item's value, of its type. Not-a-number is null."""
-    if not isinstance(fields, dict) or item.field not in fields:
-        return False
-    value = fields[item.field]
-    if value is None:
-        return item.optional or item.dtype == "float64"
-    if item.dims:
-        return isinstance(value, list) and all(isinstance(text, str) for text in value)
-    if item.dtype in ("bool", "utf-8"):
-        return isinstance(value, bool if item.dtype == "bool" else str)
-    return isinstance(value, int if item.dtype == "int64" else (int, float)) and not isinstance(value, bool)
+def _require(fields: Any, types: Mapping[str, frozenset[type]], of: str) -> None:
+    """Raise ValueError unless a part of a summary has all these fields, each of one of its types."""
+    found = fields if isinstance(fields, dict) else {}
+    for name, allowed in types.items():
+        value = found.get(name, _require)  # which is no value at all
+        if type(value) not in allowed or (type(value) is list and not _are_texts(value)):
+            raise ValueError(f"{name} {of}")
+
+
+def _are_texts(values: list[Any]) -> bool:
+    return all(isinstance(text, str) for text in values)
 
 
 def _is_label(value: Any) -> bool:
