@@ -36,6 +36,24 @@ refinement: [24, 48]
 spectrum: {modes: 4, full_up_to: 0}
 """
 
+QUICK_SCHOENKE = """\
+name: three
+topology: {half_twists: -3}
+discretisation: value-average
+initial_guess: {recipe: schoenke, segments: 24, half_width: 0.2}
+widths: [0.2, 0.25]
+refinement: [24, 48]
+spectrum: {modes: 4, full_up_to: 24}
+"""
+
+QUICK_BRANCH = """\
+name: branch
+topology: {half_twists: 1}
+initial_guess: {recipe: twist, segments: 24, half_width: 0.1, steps: 6}
+widths: {arclength: {to: 0.4, at: [0.2], max_step: 0.3}}
+spectrum: {modes: 2, full_up_to: 0}
+"""
+
 
 def ribbon(*args: str | Path, **options: Any) -> Result:
     """Run a command line in this process."""

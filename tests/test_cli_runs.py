@@ -10,7 +10,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from cli_support import QUICK_MOBIUS, QUICK_RING, ribbon, ribbon_json, run
+from cli_support import QUICK_BRANCH, QUICK_MOBIUS, QUICK_RING, QUICK_SCHOENKE, ribbon, ribbon_json, run
 from store_support import make_record, make_run, relative_files
 
 from ribbon_cli.config import dump_resolved, parse_config
@@ -391,7 +391,10 @@ def test_provenance_keeps_the_config(tmp_path, monkeypatch):
 # --- the same bytes ---
 
 
-def test_the_environment_changes_no_bytes(tmp_path):
+@pytest.mark.parametrize(
+    "config", [QUICK_MOBIUS, QUICK_SCHOENKE, QUICK_BRANCH], ids=["twist", "schoenke", "branch"]
+)
+def test_the_environment_changes_no_bytes(tmp_path, config):
     found = []
     for k, changes in enumerate(
         (
@@ -402,8 +405,8 @@ def test_the_environment_changes_no_bytes(tmp_path):
     ):
         folder = tmp_path / str(k)
         folder.mkdir()
-        (folder / "mobius.yaml").write_text(QUICK_MOBIUS)
-        done = run("solve", "mobius.yaml", "-q", cwd=folder, **changes)
+        (folder / "band.yaml").write_text(config)
+        done = run("solve", "band.yaml", "-q", cwd=folder, **changes)
         assert done.returncode == 0, done.stderr
         (made,) = [Run.open(path) for path in (folder / "runs").iterdir()]
         found.append([entry["state"]["content_sha256"] for entry in made.entries().values()])

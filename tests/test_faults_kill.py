@@ -7,6 +7,7 @@ import shutil
 import time
 
 import pytest
+from cli_support import QUICK_BRANCH, QUICK_SCHOENKE
 from fault_support import QUICK as LONGER
 from fault_support import Marks, child, contents, kill_after, solve_in, wait
 
@@ -16,37 +17,43 @@ QUICK = LONGER.replace("steps: 4", "steps: 2")
 """Four states, one of them a saddle: less to compute between the commits, so more kills a minute."""
 
 
-@pytest.fixture(scope="module")
-def alone(tmp_path_factory):
-    """Hashes of the uninterrupted run, and how long it takes a forked child.
+CONFIGS = {"twist": QUICK, "schoenke": QUICK_SCHOENKE, "branch": QUICK_BRANCH}
+PARTS = ["twist"] * 6 + ["schoenke"] * 2 + ["branch"] * 2
+
+
+@pytest.fixture(scope="module", params=["twist"])
+def alone(request, tmp_path_factory):
+    """A config, the hashes of its uninterrupted run, and how long that takes a forked child.
 
     It is run in this process first: children find everything imported, and spend their time in the solve.
     """
+    text = CONFIGS[request.param]
     folder = tmp_path_factory.mktemp("alone")
-    (folder / "quick.yaml").write_text(QUICK)
+    (folder / "quick.yaml").write_text(text)
     assert solve_in(folder) == 0
     (run,) = list_runs(folder / "runs")
     expected = contents(run)
-    assert [state["kind"] for state in run.states(all=True)].count("saddle") == 1
+    if request.param == "twist":
+        assert [state["kind"] for state in run.states(all=True)].count("saddle") == 1
     shutil.rmtree(folder / "runs")
     started = time.monotonic()
     assert wait(child(lambda: solve_in(folder))) == 0
     seconds = time.monotonic() - started
     (run,) = list_runs(folder / "runs")
     assert contents(run) == expected
-    return expected, seconds
+    return text, expected, seconds
 
 
 def kills(alone, folder, monkeypatch, count: int, seed: int) -> int:
     """Kill that many solves, resume each to its end; how many kills fell into a commit."""
-    expected, seconds = alone
+    text, expected, seconds = alone
     chance = random.Random(seed)
     marks = Marks()
     marks.watch(monkeypatch)
     inside = killed = 0
     while killed < count:
         shutil.rmtree(folder / "runs", ignore_errors=True)
-        (folder / "quick.yaml").write_text(QUICK)
+        (folder / "quick.yaml").write_text(text)
         for _ in range(1 + (killed % 5 == 0)):  # now and then the resumed one is killed as well
             marks.memory[0] = 0
             pid = child(lambda: solve_in(folder))
@@ -73,7 +80,12 @@ def test_some_kills(alone, tmp_path, monkeypatch):
 
 
 @pytest.mark.faults
-@pytest.mark.parametrize("part", range(10))
+@pytest.mark.parametrize(
+    ("alone", "part"),
+    [(name, part) for part, name in enumerate(PARTS)],
+    ids=[f"{name}-{part}" for part, name in enumerate(PARTS)],
+    indirect=["alone"],
+)
 def test_five_hundred_kills(alone, tmp_path, monkeypatch, figure, part):
     """Fifty of the five hundred, at least ten of which must fall into a commit."""
     inside = kills(alone, tmp_path, monkeypatch, 50, seed=2 + part)
