@@ -10,6 +10,7 @@ from ribbon_cli.config.recipes import RECIPES, Count, topology_problem
 from ribbon_cli.config.types import Guess
 
 STATE_FILES = (".npz", ".h5")
+SADDLES = ("leave", "keep")
 _MAX_STATE = 1024  # characters of a reference or path
 _STATE = "a state, as RUN:LABEL or 'RUN@b=0.5,N=400', or the path of a .npz or .h5 file"
 _NO_GUESS = Guess("")
@@ -41,7 +42,10 @@ def _recipe(
     required = {"recipe": f"{', '.join(RECIPES)}, or start from a state: {{state: ...}}"}
     if name:
         required |= {key: setting.expected for key, setting in settings.items() if setting.default is None}
-    refused = {"state": "cannot stand beside a recipe: keep one of the two"}
+    refused = {
+        "state": "cannot stand beside a recipe: keep one of the two",
+        "saddle": "goes with a state, {state: ..., saddle: keep}: what a recipe leads to is not kept as one",
+    }
     found = reader.mapping(
         node, "initial_guess", ("recipe", *settings), required=required, refused=refused, what=name
     )
@@ -108,8 +112,14 @@ def _state(reader: Reader, node: Node, given: list[str], folder: str) -> Guess:
         key: "is cut off from the reference: put the whole of it in quotes" for key in given if "=" in key
     }
     found = reader.mapping(
-        node, "initial_guess", ("state",), required={"state": _STATE}, refused=refused, what="a state"
+        node,
+        "initial_guess",
+        ("state", "saddle"),
+        required={"state": _STATE},
+        refused=refused,
+        what="a state",
     )
+    saddle = reader.word(found["saddle"], "initial_guess.saddle", SADDLES) if "saddle" in found else None
     text = reader.text(found["state"], "initial_guess.state", _STATE) if "state" in found else None
     if text is None:
         return _NO_GUESS
@@ -119,4 +129,11 @@ def _state(reader: Reader, node: Node, given: list[str], folder: str) -> Guess:
         return _NO_GUESS
     opened = os.path.abspath(os.path.join(folder, os.path.expanduser(text))) if is_file else text
     where = found["state"]
-    return Guess("state", state=opened, state_as_written=text, line=where.line, column=where.column)
+    return Guess(
+        "state",
+        state=opened,
+        state_as_written=text,
+        keep_saddle=saddle == "keep",
+        line=where.line,
+        column=where.column,
+    )

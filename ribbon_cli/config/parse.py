@@ -74,6 +74,12 @@ def parse_config(text: str, path: str | os.PathLike[str]) -> Config:
             "refinement",
             "a branch is followed on one level: leave it out, use `ribbon refine`",
         )
+    if guess.keep_saddle and not is_arclength(given):
+        reader.report(
+            top["initial_guess"],
+            "initial_guess.saddle",
+            "keep goes with a branch, widths: {arclength: {to: ...}}: other schedules pass among minima",
+        )
     spectrum = sections.spectrum(reader, top.get("spectrum"))
     contact = sections.choice(reader, top, "contact", ("record", "stop"))
     if problems.found or half_twists is None or length is None or widths is None:

@@ -19,6 +19,7 @@ class Guess:
     `segments` N and `half_width` b are None with a state, which brings its own. `steps` is the number of
     auxiliary problems of a twist or an eversion, None for other recipes. `state` is what to open, a reference
     or an absolute path; `state_as_written` is what the config says, at `line` and `column` of its file.
+    `keep_saddle` asks for the stationary point next to the state, whatever its index.
     """
 
     recipe: str
@@ -27,6 +28,7 @@ class Guess:
     steps: int | None = None
     state: str | None = None
     state_as_written: str | None = None
+    keep_saddle: bool = False
     line: int = field(default=0, compare=False)
     column: int = field(default=0, compare=False)
 
@@ -122,7 +124,7 @@ class Config:
         """Everything, spelled out with plain values in the config's own layout: itself a valid config."""
         scientific = self.scientific()
         if self.guess.state is not None:
-            scientific["initial_guess"] = {"state": self.guess.state}
+            scientific["initial_guess"]["state"] = self.guess.state
         return {"name": self.name, **scientific}
 
     def scientific(self) -> dict[str, Any]:
@@ -140,7 +142,7 @@ class Config:
             "length": self.length,
             "discretisation": self.discretisation,
             "initial_guess": (
-                {"state": guess.state_as_written}
+                {"state": guess.state_as_written, **({"saddle": "keep"} if guess.keep_saddle else {})}
                 if guess.recipe == "state"
                 else {key: value for key, value in recipe.items() if value is not None}
             ),

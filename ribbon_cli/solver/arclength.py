@@ -27,7 +27,7 @@ from .bordered import BorderedSystem
 from .inertia import inertia
 from .kkt import KKTMatrix
 from .linear import Factor, FactorisationError
-from .newton import SETTLED, Guard, change, inverted_facets, iterate_at
+from .newton import SETTLED, Guard, change, estimate_multipliers, inverted_facets, iterate_at
 from .saddle_free import lagrangian_gradient, newton_step
 from .status import Iterate, Result, Status
 
@@ -145,6 +145,21 @@ def point_at(problem: Problem, x: Array, multipliers: Array) -> Point:
 def point_of(state: State, multipliers: Array) -> Point:
     """The point of a state with its multipliers (5N+3,)."""
     return point_at(Problem(state.band), state.vector(), multipliers)
+
+
+def nearest(state: State, guard: Guard | None = None) -> Result:
+    """The stationary point next to a state by plain Newton steps at its half-width, of whatever index.
+
+    `STALLED` where they do not contract to one, with the reason in `detail`.
+    """
+    problem, x = Problem(state.band), state.vector()
+    multipliers = np.zeros(problem.rows)
+    try:
+        multipliers = estimate_multipliers(problem, x)
+        return correct_at((x, multipliers, state.band.half_width), state.band, guard).result()
+    except (CorrectorError, FactorisationError) as error:
+        detail = f"(No stationary point is next to the state: {error}.)"
+        return iterate_at(problem, x, multipliers).ended(Status.STALLED, None, detail=detail)
 
 
 # --- tangents ---

@@ -14,6 +14,7 @@ from ..model.problem import Problem
 from ..recipes.cylinder import cylinder
 from ..recipes.eversion import not_everted
 from ..recipes.twist import twist_stage, twist_stages
+from ..solver.arclength import nearest
 from ..solver.continuation import Move, to_width
 from ..solver.newton import solve
 from ..solver.status import Result, Status
@@ -196,7 +197,10 @@ class _Study:
         if record is None:
             clock = self.journal.clock()
             problem = Problem(band)
-            result = self.steps.checked(solve(problem, state.vector(), None, self.steps.options))
+            if self.config.guess.keep_saddle:
+                result = self.steps.checked(nearest(state, self.steps.options.guard))
+            else:
+                result = self.steps.checked(solve(problem, state.vector(), None, self.steps.options))
             if not converged(result):
                 result = self._saddle_left_in_vain(problem, result)
             if not converged(result):
@@ -218,9 +222,13 @@ class _Study:
                 parent_ref=parent_ref,
                 events=events,
             )
-        if not record.certified:
+        if not record.certified and not self._kept(record):
             self._stop(f"{stage}: {record.message}")
         return record
+
+    def _kept(self, record: StateRecord) -> bool:
+        """Whether this is a saddle at which the config asks to begin."""
+        return self.config.guess.keep_saddle and record.status == Status.SADDLE.value
 
     def _saddle_left_in_vain(self, problem: Problem, result: Result) -> Result:
         """The last saddle that was met, where leaving it led to no band of this kind; else the result."""
@@ -344,7 +352,7 @@ class _Study:
 
     def _branches(self, start: StateRecord, request: Arclength) -> None:
         """The branch through the freed guess, and those that cross it if the config asks for them."""
-        self.targets.append(_target(start))
+        self.targets.append(replace(_target(start), kept=self._kept(start)))
         if self.stopped is not None:
             return
         if math.isclose(start.half_width, request.to, rel_tol=1e-9):
