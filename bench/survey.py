@@ -21,13 +21,12 @@ import scipy
 
 from ribbon_cli.model.band import Array, Band, State
 from ribbon_cli.model.contact import self_contact
-from ribbon_cli.model.folding import ClosureError, Folding, close, to_state
+from ribbon_cli.model.folding import ClosureError, Folding, close, from_state, to_state
 from ribbon_cli.model.problem import Problem
 from ribbon_cli.model.topology import linking_number
 from ribbon_cli.solver.kkt import KKTMatrix
 from ribbon_cli.solver.linear import Factor, FactorisationError
 from ribbon_cli.solver.newton import Options, change, estimate_multipliers, inverted_facets, solve
-from ribbon_cli.solver.prolongation import curvature, inflections
 from ribbon_cli.solver.saddle_free import lagrangian_gradient, null_space
 
 STEP_LIMIT = 0.15
@@ -99,8 +98,14 @@ def linking(state: State) -> float:
         return math.nan
 
 
+def inflections(state: State) -> int:
+    """How often the fold angle changes its sign along the closed strip."""
+    side = np.sign(from_state(state).theta)
+    return int((side != np.append(side[1:], state.band.sigma * side[0])).sum())
+
+
 def random_band(band: Band, rng: np.random.Generator) -> State | None:
-    """A random band with Lk = 1/2, or the mirror image of one with -1/2; None where the dice fall otherwise."""
+    """A random band with Lk = 1/2, or the mirror image of one with -1/2; None if the dice fall otherwise."""
     made = STARTS[list(STARTS)[int(rng.integers(len(STARTS)))]](band, rng)
     try:
         folding = close(made, band.sigma)
@@ -128,8 +133,7 @@ def climbed(problem: Problem, x: Array, modes: int) -> Found | str:
         values, vectors = scipy.linalg.eigh(basis.T @ (hessian @ basis))
         if max(np.abs(gradient).max(), np.abs(problem.constraints(x)).max()) < RESIDUAL:
             state = problem.state(x)
-            count = inflections(curvature(state), problem.band).size
-            return Found(state, local.energy, int((values < 0).sum()), count)
+            return Found(state, local.energy, int((values < 0).sum()), inflections(state))
         slopes = vectors.T @ (basis.T @ gradient)
         step = -slopes / np.maximum(np.abs(values), 1e-8)
         step[:modes] *= -1.0
