@@ -16,7 +16,7 @@ PIP := $(BIN)/python -m pip -qq --disable-pip-version-check
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 FIGURES := $(addprefix figure-3.,1 2 3 4 5 6 7 8 9 10 11 12 13 14)
-.PHONY: help setup table-3.1 paper $(FIGURES) gallery checkerboard everted-cylinder
+.PHONY: help setup table-3.1 paper $(FIGURES) gallery checkerboard everted-cylinder everted-moebius
 .PHONY: test test-minimum test-browser test-large test-faults lint bench clean
 
 help: ## list the targets
@@ -45,6 +45,14 @@ everted-cylinder: setup ## follow the branches of the everted cylinder: where it
 	@for n in $(EVERTED); do $(BIN)/ribbon solve configs/everted-branch-$$n.yaml || exit $$?; done
 	@for n in 40 80 160 320; do \
 		$(BIN)/ribbon continue "everted-branch-$$n@b=0.3,N=$$n" --to 1.0 --arclength --stop-at contact || exit $$?; \
+	done
+
+# The two families of docs/everted-moebius.md, from stored saddles; the second to contact.
+EVERTED_MOEBIUS := $(foreach family,a b,$(addprefix $(family)-,80 160 320 640 80-value-average 160-value-average 320-value-average))
+everted-moebius: setup ## follow the branches of everted Moebius bands, saddles all along
+	@for name in $(EVERTED_MOEBIUS); do $(BIN)/ribbon solve configs/everted-moebius-$$name.yaml || exit $$?; done
+	@for n in 80 160 320; do \
+		$(BIN)/ribbon continue "everted-moebius-b-$$n@b=0.3,N=$$n" --to 1.0 --arclength --stop-at contact || exit $$?; \
 	done
 
 paper: setup ## make every figure and table of chapter 3 and check its claims: runs/paper/index.html

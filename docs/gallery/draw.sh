@@ -4,7 +4,8 @@
 set -eu
 ribbon=$1
 to=docs/gallery
-for config in mobius-pi mobius-pi-contact mobius-3pi everted-cylinder-160 everted-cylinder-40 everted-branch-40 cylinder ring; do
+for config in mobius-pi mobius-pi-contact mobius-3pi everted-cylinder-160 everted-cylinder-40 everted-branch-40 everted-moebius-a-160 \
+    everted-moebius-b-160 cylinder ring; do
     "$ribbon" -q solve "configs/$config.yaml" > /dev/null
 done
 draw() {
@@ -46,3 +47,5 @@ row recipe-cylinder cylinder 3 6
 row recipe-twist mobius-pi 17 33 50 52
 row recipe-schoenke mobius-3pi 1 2 35
 row recipe-eversion everted-cylinder-40 1 14 26 27 29 31 33
+draw everted-moebius mobius-pi@b=0.1,N=200 shape --with everted-moebius-a-160:1 --with everted-moebius-b-160:1
+small everted-moebius

@@ -159,7 +159,7 @@ def nearest(state: State, guard: Guard | None = None) -> Result:
         return correct_at((x, multipliers, state.band.half_width), state.band, guard).result()
     except (CorrectorError, FactorisationError) as error:
         detail = f"(No stationary point is next to the state: {error}.)"
-        return iterate_at(problem, x, multipliers).ended(Status.STALLED, None, detail=detail)
+        return iterate_at(problem, x, multipliers).ended(Status.STALLED, None, steps=0, detail=detail)
 
 
 # --- tangents ---

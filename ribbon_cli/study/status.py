@@ -55,16 +55,19 @@ def _counts(
     run: Run, events: list[dict[str, Any]], states: list[dict[str, Any]], held: bool
 ) -> dict[str, Any]:
     """How many of the planned equilibria are in which state; a schedule may come to a place several times."""
-    planned = _planned(run)
-    if planned is None:
+    config = _config(run)
+    planned = None if config is None else _planned(run, config)
+    if config is None or planned is None:
         return dict.fromkeys(("complete", "done", "running", "waiting", "failed"))
+    kept = start_name(config) if config.guess.keep_saddle else None
     stages: dict[Place, set[str]] = {}
     good: dict[Place, set[str]] = {}
     for state in states:
         place = (state["half_width"], state["segments"])
         stages.setdefault(place, set()).add(state["stage"])
-        # A point of a branch is what was asked for, stable or not.
-        if state["certified"] or state.get("branch"):
+        # A point of a branch is what was asked for, stable or not, and so is the saddle that it begins at.
+        begins = state["stage"] == kept and state["status"] == "saddle"
+        if state["certified"] or state.get("branch") or begins:
             good.setdefault(place, set()).add(state["stage"])
     reached = Counter({place: len(names) for place, names in stages.items()})
     done = planned & Counter({place: len(names) for place, names in good.items()})
@@ -90,10 +93,17 @@ def _given(run: Run, config: Config) -> Place | None:
     return next(((state["half_width"], state["segments"]) for state in made), None)
 
 
-def _planned(run: Run) -> Counter[Place] | None:
+def _config(run: Run) -> Config | None:
+    """The run's config; None where it cannot be read."""
+    try:
+        return resolved_config(run)
+    except RibbonError:
+        return None
+
+
+def _planned(run: Run, config: Config) -> Counter[Place] | None:
     """How often a run's config names each equilibrium by width and N, None where that cannot be told."""
     try:
-        config = resolved_config(run)
         stages = plan_of(config, _given(run, config)).stages
     except RibbonError:
         return None
