@@ -26,7 +26,7 @@ from ribbon_cli.plot.curves import geometry_figure
 from ribbon_cli.plot.figure import add_caption, state_caption
 from ribbon_cli.plot.kinds import KINDS, Source, draw
 from ribbon_cli.plot.levels import lowest_value
-from ribbon_cli.plot.pictures import family_figure
+from ribbon_cli.plot.pictures import Panel, shapes_figure
 from ribbon_cli.plot.style import STYLES, styled
 
 ROOT = Path(__file__).parent.parent
@@ -151,10 +151,11 @@ def test_a_far_eigenvalue_hides_no_loss_of_stability():
 
 @pytest.mark.parametrize("style", STYLES)
 @pytest.mark.parametrize("count", [1, 2, 4])
-def test_titles_stay_inside_whatever_the_caption(style, count, solved):  # noqa: F811
-    records = (states_of(solved, "mobius") * 2)[:count]
+@pytest.mark.parametrize("title", ["b = 0.3", "b = 0.3,\nrefined to N = 160"])
+def test_titles_stay_inside_whatever_the_caption(style, count, title, solved):  # noqa: F811
+    records = [*states_of(solved, "ring"), *states_of(solved, "mobius") * 2][:count]
     with styled(STYLES[style]):
-        figure = family_figure(records, STYLES[style])
+        figure = shapes_figure([Panel(record, title) for record in records], STYLES[style], aligned=False)
         add_caption(figure, "A caption of some length. " * 6, STYLES[style])
         figure.draw_without_rendering()
     for axes in figure.axes:

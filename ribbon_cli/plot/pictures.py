@@ -93,12 +93,13 @@ def shapes_figure(
     columns = len(panels) if len(panels) <= 5 else math.ceil(len(panels) / math.ceil(len(panels) / 4))
     rows = math.ceil(len(panels) / columns)
     width = style.width if columns > 1 else 0.6 * style.width
-    titles = 2.3 * style.font / 72 if any(panel.title for panel in panels) else 0.0
-    high = [max(float(box[1]) for box in boxes[k * columns : (k + 1) * columns]) for k in range(rows)]
+    parts = [slice(k * columns, (k + 1) * columns) for k in range(rows)]
+    titles = [max(_title_height(panel.title, style) for panel in panels[part]) for part in parts]
+    high = [max(float(box[1]) for box in boxes[part]) for part in parts]
     # One scale everywhere; each row is as high as its highest shape, and none far higher than wide.
     wide = max(*(float(box[0]) for box in boxes), max(high) / 1.3, 0.0)
     inner = width / columns - 2 * PAD
-    height = sum(inner * h / wide + titles + 2 * PAD for h in high)
+    height = sum(inner * h / wide + title + 2 * PAD for h, title in zip(high, titles, strict=True))
     figure = Figure(figsize=(width, height), layout="constrained")
     places = figure.subplots(rows, columns, squeeze=False, gridspec_kw={"height_ratios": high}).ravel()
     for axes in places[len(panels) :]:
@@ -110,7 +111,13 @@ def shapes_figure(
         draw_shape(axes, panel.record, style, view, panel.marked, rulings, sides[k])
         _same_scale(axes, 1.03 * wide, 1.03 * high[k // columns])
         axes.set_title(panel.title)
+        axes.set_anchor("S")  # what equal scales leave over belongs to the titles
     return figure
+
+
+def _title_height(title: str, style: Style) -> float:
+    """Inches that a panel's title takes, with the room about it."""
+    return (1.1 + 1.3 * (title.count("\n") + 1)) * style.font / 72 if title else 0.0
 
 
 def _common_views(shapes: Sequence[Array], angles: tuple[float, float] | None) -> list[View]:
