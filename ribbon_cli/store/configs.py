@@ -13,6 +13,8 @@ from ribbon_cli.store.atomic import put_aside, write_atomic
 from ribbon_cli.store.folder import CONFIG, RESOLVED
 from ribbon_cli.store.hdf5 import decode_bytes, read_bytes
 
+_KEYS = {CONFIG: "config_text", RESOLVED: "config_resolved"}
+"""Where a state's provenance keeps the config files."""
 CHANGED = "not the bytes that the run was made with"
 
 
@@ -47,12 +49,26 @@ def require(folder: Path, events: Iterable[Mapping[str, Any]]) -> None:
         )
 
 
+def contradiction(folder: Path, hashes: Mapping[str, str], states: Iterable[Path]) -> dict[str, str]:
+    """Hashes of the config files that the states keep, where a log names others which nobody has.
+
+    Else nothing. The states are the truth, and such a line of the log can be no one's.
+    """
+    wanting = {path.name for path, _ in differing(folder, hashes)}
+    if not wanting:
+        return {}
+    kept = {name: _kept_text(states, key, None) for name, key in _KEYS.items()}
+    if not any(kept[name] and not _kept_text(states, _KEYS[name], hashes[name]) for name in wanting):
+        return {}
+    return {name: hashlib.sha256(text).hexdigest() for name, text in kept.items() if text is not None}
+
+
 def restore(folder: Path, hashes: Mapping[str, str], states: Iterable[Path]) -> list[str]:
     """Write config files anew that are missing or not those of the hashes, from what a state's provenance
     keeps; return a line for each thing done, or that cannot be. Raises StoreError.
     """
     notes = []
-    for name, key in ((CONFIG, "config_text"), (RESOLVED, "config_resolved")):
+    for name, key in _KEYS.items():
         path, wanted = folder / name, hashes.get(name)
         there = read_bytes(path) if path.is_file() else None
         if there is None and os.path.lexists(path):

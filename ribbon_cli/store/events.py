@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -32,13 +33,19 @@ def _types(items: Iterable[Item]) -> dict[str, frozenset[type]]:
 _OF_STATE = _types(item for item in STATE if item.summary and item.field not in _TOPOLOGY)
 _OF_TOPOLOGY = _types(item for item in STATE if item.field in _TOPOLOGY)
 _OF_BRANCH = _types(item for item in BRANCH if item.summary)
-_BRANCH_END: dict[str, type | tuple[type, ...]] = {
-    "branch": str,
-    "start": int,
-    "reason": str,
-    "half_width": (int, float),
-    "message": str,
+_BRANCH_END = {
+    "branch": frozenset({str}),
+    "start": frozenset({int}),
+    "reason": frozenset({str}),
+    "half_width": frozenset({int, float}),
+    "message": frozenset({str}),
 }
+_POSITIVE = ("half_width", "segments", "length")
+_VERSION = re.compile(r"[1-9]\d{0,3}\.\d{1,4}")
+_LARGEST = 2**63
+"""Bound of whole numbers, as in a file."""
+LABELS = 10**12
+"""Bound of the labels that a line may name."""
 
 
 def check_event(entry: Any) -> dict[str, Any]:
@@ -58,6 +65,9 @@ def _created(entry: dict[str, Any]) -> None:
     files = entry.get("files")
     if not isinstance(files, dict) or not all(_is_sha256(sha) for sha in files.values()):
         raise ValueError("it has no hashes of the config files")
+    version = entry.get("format_version")
+    if not isinstance(version, str) or not _VERSION.fullmatch(version):
+        raise ValueError("it has no version of the format")
 
 
 def _state(entry: dict[str, Any]) -> None:
@@ -68,6 +78,9 @@ def _state(entry: dict[str, Any]) -> None:
         raise ValueError(f"it does not name the file of state {state['label']} with its hash")
     of = f"of state {state['label']} is missing, or of another type"
     _require(state, _OF_STATE, of)
+    for name in _POSITIVE:
+        if not (state[name] or 0) > 0:
+            raise ValueError(f"{name} of state {state['label']} is not positive")
     _require(state.get("topology"), _OF_TOPOLOGY, of)
     if state.get("branch") is None:
         return
@@ -88,9 +101,7 @@ def _ended(entry: dict[str, Any]) -> None:
 
 
 def _branch_end(entry: dict[str, Any]) -> None:
-    for key, kind in _BRANCH_END.items():
-        if not isinstance(entry.get(key), kind) or isinstance(entry[key], bool):
-            raise ValueError(f"{key} is missing, or of another type")
+    _require(entry, _BRANCH_END, "is missing, or of another type")
 
 
 _CHECKS = {
@@ -107,7 +118,13 @@ def _require(fields: Any, types: Mapping[str, frozenset[type]], of: str) -> None
     found = fields if isinstance(fields, dict) else {}
     for name, allowed in types.items():
         value = found.get(name, _require)  # which is no value at all
-        if type(value) not in allowed or (type(value) is list and not _are_texts(value)):
+        kind = type(value)
+        if (
+            kind not in allowed
+            or (kind is list and not _are_texts(value))
+            or (kind is int and not -_LARGEST <= value < _LARGEST)
+            or (kind is float and not math.isfinite(value))  # as 1e999 is
+        ):
             raise ValueError(f"{name} {of}")
 
 
@@ -116,7 +133,7 @@ def _are_texts(values: list[Any]) -> bool:
 
 
 def _is_label(value: Any) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool) and 0 < value < 10**12
+    return isinstance(value, int) and not isinstance(value, bool) and 0 < value < LABELS
 
 
 def _is_sha256(value: Any) -> bool:
@@ -128,6 +145,6 @@ def _is_place(value: Any) -> bool:
     return (
         isinstance(value, list)
         and len(value) == 2
-        and (value[0] is None or isinstance(value[0], int | float))
-        and isinstance(value[1], int)
+        and (value[0] is None or type(value[0]) in (int, float))
+        and type(value[1]) is int
     )

@@ -13,7 +13,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from ribbon_cli.errors import UsageError
+from ribbon_cli.errors import StoreError, UsageError
 from ribbon_cli.store import log
 from ribbon_cli.store.atomic import is_temporary, sync_folder, temporary_name, write_durable
 from ribbon_cli.store.lock import HOLDER, LOCK, RunLock
@@ -87,6 +87,13 @@ def created_entry(files: Mapping[str, bytes]) -> dict[str, Any]:
         "format_version": RUN_FORMAT_VERSION,
         "files": hashes,
     }
+
+
+def check_run_version(path: Path, created: Mapping[str, Any]) -> None:
+    """Refuse a run of a newer format by the first event of its log. Raises StoreError."""
+    version = created["format_version"]
+    if int(version.partition(".")[0]) > int(RUN_FORMAT_VERSION.partition(".")[0]):
+        raise StoreError(f"{path}: run of format {version}, this is {RUN_FORMAT_VERSION}: update ribbon")
 
 
 def create(path: Path, files: Mapping[str, bytes]) -> None:

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 from ribbon_cli.errors import LockedError, StoreError
 from ribbon_cli.store.atomic import write_atomic, write_durable, write_error
 from ribbon_cli.store.hdf5 import read_bytes
-from ribbon_cli.store.log import utc_now
+from ribbon_cli.store.log import parse_json, utc_now
 
 if TYPE_CHECKING:
     from filelock import BaseFileLock
@@ -176,8 +176,8 @@ class RunLock:
     def _read(self, name: str) -> Note:
         """Return a note, empty when there is none or it is no note."""
         try:
-            note = json.loads(read_bytes(self.folder / name))
-        except (StoreError, ValueError, RecursionError):
+            note = parse_json(read_bytes(self.folder / name))
+        except (StoreError, ValueError):
             return {}
         return note if isinstance(note, dict) and {"pid", "host", "since"} <= note.keys() else {}
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 import stat
 import zlib
 from collections.abc import Iterable
@@ -24,6 +25,8 @@ from ribbon_cli.store.atomic import without_waiting, write_all, write_error
 from ribbon_cli.store.events import check_event
 
 _TAIL = len(',"crc32":"01234567"}')
+_DEEPEST = 50
+"""Deepest nesting of a line; far from where Python's recursion ends."""
 
 
 def utc_now() -> str:
@@ -53,11 +56,35 @@ def parse_line(line: bytes) -> dict[str, Any]:
     body = line[:-_TAIL] + b"}"
     if line[-_TAIL:] != f',"crc32":"{zlib.crc32(body):08x}"}}'.encode():
         raise ValueError("its checksum does not match")
-    try:
-        entry: Any = json.loads(body)
-    except RecursionError:
-        raise ValueError("it is nested too deeply") from None
-    return check_event(entry)
+    return check_event(parse_json(body))
+
+
+def parse_json(body: bytes) -> Any:
+    """Return what a JSON text says, be it a line, a state's head or a note.
+
+    Raises ValueError, also for what could not be written again.
+    """
+    text = body.decode()
+    if body.count(b"[") + body.count(b"{") > _DEEPEST and _depth(text) > _DEEPEST:
+        raise ValueError("it is nested too deeply")
+    entry: Any = json.loads(text, parse_constant=_no_number)
+    if b"\\u" in body:  # no text that could not be written again: half a pair of surrogates
+        json.dumps(entry, ensure_ascii=False).encode()
+    return entry
+
+
+def _no_number(word: str) -> float:
+    """Refuse what Python takes for a number, and JSON does not."""
+    raise ValueError(f"{word} is no number in JSON")
+
+
+def _depth(text: str) -> int:
+    """How deeply the arrays and objects of a JSON text are nested; brackets within texts are left out."""
+    deepest = depth = 0
+    for bracket in re.findall(r"[\[{\]}]", re.sub(r'"(?:[^"\\]|\\.)*"', "", text)):
+        depth += 1 if bracket in "[{" else -1
+        deepest = max(deepest, depth)
+    return deepest
 
 
 def _unreadable(path: Path, error: OSError) -> StoreError:

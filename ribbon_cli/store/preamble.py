@@ -15,6 +15,7 @@ from typing import Any
 
 from ribbon_cli.errors import StoreError
 from ribbon_cli.store.layout import FORMAT, FORMAT_VERSION
+from ribbon_cli.store.log import parse_json
 
 _LINE = re.compile(rb"ribbon-state (\d{1,4}\.\d{1,4}) sha256 ([0-9a-f]{64})\n")
 _LENGTH = len(f"{FORMAT} {FORMAT_VERSION} sha256 \n") + 64
@@ -67,8 +68,8 @@ def check_seal(data: bytes) -> dict[str, Any] | None:
     if hashlib.sha256(rest).hexdigest().encode() != found[2]:
         raise ValueError("its bytes are not those that were written")
     try:
-        summary = json.loads(data[found.end() : data.index(b"\n", found.end())])
-    except (ValueError, RecursionError) as error:
+        summary = parse_json(data[found.end() : data.index(b"\n", found.end())])
+    except ValueError as error:
         raise ValueError("its summary cannot be read") from error
     if not isinstance(summary, dict):
         raise ValueError("its summary cannot be read")

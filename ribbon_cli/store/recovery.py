@@ -16,13 +16,14 @@ from ribbon_cli.store.atomic import TEMPORARY, put_aside, unused_name, write_ato
 from ribbon_cli.store.folder import (
     LOG,
     STATES,
+    check_run_version,
     created_entry,
     state_entry,
     state_files,
     state_name,
 )
 from ribbon_cli.store.hdf5 import decode_bytes, read_bytes
-from ribbon_cli.store.preamble import check_seal
+from ribbon_cli.store.preamble import check_seal, check_version
 from ribbon_cli.store.record import StateRecord
 from ribbon_cli.store.summaries import describe
 
@@ -36,6 +37,8 @@ def sweep(folder: Path) -> list[str]:
     there as it was, or when the folder cannot be written.
     """
     notes: list[str] = []
+    # A newer program's run is not ours to put in order.
+    events = _read_log(folder)
     try:
         os.makedirs(folder / STATES, exist_ok=True)
         for place in (folder, folder / STATES):
@@ -46,7 +49,6 @@ def sweep(folder: Path) -> list[str]:
         raise write_error(folder, error) from error
     if log.cut_torn_line(folder / LOG):
         notes.append("cut off an unfinished line of the log")
-    events = log.read_log(folder / LOG)
     known = {entry["state"]["label"] for entry in events if entry["event"] == "state"}
     adopted, more = _adopt(folder, known)
     notes += more
@@ -57,6 +59,15 @@ def sweep(folder: Path) -> list[str]:
         for entry in [*adopted, {"event": "recovered", "time": log.utc_now(), "notes": notes}]:
             log.append_log(folder / LOG, [entry])
     return notes
+
+
+def _read_log(folder: Path) -> list[dict[str, Any]]:
+    """The events of a run's log. Raises StoreError for a damaged one, and for a run of a newer format."""
+    events = log.read_log(folder / LOG)
+    for event in events:
+        if event["event"] == "created":
+            check_run_version(folder, event)
+    return events
 
 
 def _require_files(folder: Path, known: set[int]) -> None:
@@ -98,12 +109,25 @@ def _entry_from_file(label: int, path: Path) -> dict[str, Any]:
     whole, StoreError where it cannot be read now.
     """
     data = _read(path)
-    state = check_seal(data)
-    if state is None:
-        state = describe(_decoded(data, path))
-    if state.get("label") != label or not isinstance(state.get("content_sha256"), str):
+    state = _summary(data, path)
+    if state.get("label") != label:
         raise ValueError(f"it holds state {state.get('label')}")
-    return state_entry(state, data) | {"adopted": True}
+    return _readable(state_entry(state, data)) | {"adopted": True}
+
+
+def _summary(data: bytes, path: Path) -> dict[str, Any]:
+    """Summary of a state by the bytes of its file.
+
+    Raises ValueError for a damaged file, StoreError for one of a newer format, which is none.
+    """
+    check_version(data, str(path))
+    return check_seal(data) or describe(_decoded(data, path))
+
+
+def _readable(entry: dict[str, Any]) -> dict[str, Any]:
+    """An entry that readers of the log will take. Raises ValueError: seals vouch for bytes, not for sense."""
+    log.parse_line(log.format_line(entry)[:-1])
+    return entry
 
 
 def repair(folder: Path) -> list[str]:
@@ -119,10 +143,17 @@ def repair(folder: Path) -> list[str]:
     entries, unreadable = log.salvage_log(path)
     notes = [f"dropped {unreadable} damaged lines of the log"] if unreadable else []
     created = next((entry for entry in entries if entry["event"] == "created"), None)
+    if created is not None:
+        check_run_version(folder, created)
     if created is not None and [entry for entry in entries if entry["event"] == "created"] != entries[:1]:
         entries = [created, *(entry for entry in entries if entry["event"] != "created")]
         notes.append("made the event `created` the first line of the log, and the only one of its kind")
-    notes += configs.restore(folder, configs.committed(entries), _files(folder).values())
+    hashes, states = configs.committed(entries), _files(folder).values()
+    if other := configs.contradiction(folder, hashes, states):
+        del entries[0]
+        created, hashes = None, other
+        notes.append("dropped the first line of the log: it names a config that none of the states came of")
+    notes += configs.restore(folder, hashes, states)
     if created is None:
         entries.insert(0, created_entry(configs.present(folder)) | {"rebuilt": True})
         notes.append("made a new first line of the log")
@@ -159,10 +190,11 @@ def _checked_entry(folder: Path, entry: dict[str, Any]) -> tuple[dict[str, Any],
         data = _read(path)
         if hashlib.sha256(data).hexdigest() != entry["sha256"]:
             raise ValueError("not the bytes that were committed")
-        state = check_seal(data) or describe(_decoded(data, path))
+        state = _summary(data, path)
         if state == entry["state"]:
             return entry, ""
-        return state_entry(state, data) | {"time": entry["time"]}, f"wrote the line on state {label} anew"
+        anew = _readable(state_entry(state, data) | {"time": entry["time"]})
+        return anew, f"wrote the line on state {label} anew"
     except ValueError as error:
         target = put_aside(path)
         lost = {**entry, "event": "state-lost", "label": label, "reason": f"damaged, now {target.name}"}

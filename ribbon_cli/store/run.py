@@ -18,13 +18,14 @@ from typing import Any
 from ribbon_cli.errors import StoreError, UsageError
 from ribbon_cli.store import log
 from ribbon_cli.store.atomic import TEMPORARY, sync_folder, write_atomic, write_error
+from ribbon_cli.store.events import LABELS
 from ribbon_cli.store.folder import (
     CONFIG,
     LOG,
     RESOLVED,
     RUN_FOLDER,
-    RUN_FORMAT_VERSION,
     STATES,
+    check_run_version,
     create,
     is_run,
     label_of,
@@ -155,11 +156,7 @@ class Run:
             if later:  # a state that was adopted after others
                 self._entries = dict(sorted(self._entries.items()))
         elif event["event"] == "created":
-            version = str(event.get("format_version", RUN_FORMAT_VERSION))
-            if version.split(".")[0] != RUN_FORMAT_VERSION.split(".")[0]:
-                raise StoreError(
-                    f"{self.path}: run of format {version}, this is {RUN_FORMAT_VERSION}: update ribbon"
-                )
+            check_run_version(self.path, event)
 
     def entries(self) -> dict[int, dict[str, Any]]:
         """The log's entry of every state by label, ascending; not to be changed.
@@ -383,11 +380,14 @@ class Run:
             raise RuntimeError(f"{self.name}: writing needs `with run.writing():`")
 
     def _find_next_label(self) -> int:
-        """One more than any label that the log names; a lost state's is not used again."""
+        """One more than any label that the log names; a lost state's is not used again.
+
+        Labels so large that no run comes to them are nobody's, and leave room for those to come.
+        """
         labels = [0]
         for entry in self.events():
             if entry["event"] == "state":
                 labels.append(entry["state"]["label"])
             elif entry["event"] == "state-lost":
                 labels.append(entry["label"])
-        return max(labels) + 1
+        return max(label for label in labels if label < LABELS // 10) + 1
