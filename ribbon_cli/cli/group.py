@@ -11,9 +11,10 @@ from typing import Any
 
 import click
 
-from ribbon_cli.cli.output import complain
+from ribbon_cli.cli.output import complain, emit
 from ribbon_cli.cli.settings import Settings
 from ribbon_cli.errors import RibbonError, UsageError
+from ribbon_cli.text import visible
 
 
 class Stopped(BaseException):
@@ -49,7 +50,7 @@ class RibbonGroup(click.Group):
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Show the help to those who type `ribbon` alone."""
         if not args and not ctx.resilient_parsing:
-            click.echo(ctx.get_help())
+            emit(ctx.get_help())
             ctx.exit()
         return super().parse_args(ctx, args)
 
@@ -74,7 +75,7 @@ def _fail(error: BaseException, settings: Settings) -> int:
     if settings.debug and not isinstance(error, Stopped | click.Abort):
         complain("".join(traceback.format_exception(error)).rstrip())
     text, code = _describe(error, settings)
-    complain(text)
+    complain(text if hasattr(error, "problems") else visible(text))  # one line, whatever a file is called
     return code
 
 

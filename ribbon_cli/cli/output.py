@@ -10,21 +10,35 @@ import click
 
 from ribbon_cli.cli.settings import Settings
 from ribbon_cli.errors import RibbonError, UsageError
+from ribbon_cli.text import visible
+
+_LAYOUT = "\n\t"
+"""Characters of our own output that are no text."""
 
 
 def emit(text: str) -> None:
-    """Write data to standard output.
+    """Write data to standard output, with nothing in it that a terminal would obey.
 
     A reader that has gone (`ribbon ls | head -1`) is no failure: what is left is dropped, and the exit code
     goes on speaking of the work done. Raises RibbonError when the output cannot be written: a full disk.
     """
     try:
-        click.echo(text.removesuffix("\n"))
+        click.echo(visible(text.removesuffix("\n"), _LAYOUT))
     except BrokenPipeError:
         _discard_output()
     except OSError as error:
         _discard_output()
         raise RibbonError(f"standard output cannot be written: {error.strerror or error}") from error
+
+
+def emit_path(path: str) -> None:
+    """Write a path to standard output: to a program byte for byte, whatever its name; to people as `emit`."""
+    stream = sys.stdout
+    if path.isprintable() or stream.isatty() or "\n" in path or not hasattr(stream, "buffer"):
+        emit(path)
+        return
+    stream.flush()
+    stream.buffer.write(os.fsencode(path) + b"\n")
 
 
 def emit_json(value: Any) -> None:
@@ -56,7 +70,7 @@ def say(settings: Settings, text: str) -> None:
 def complain(text: str) -> None:
     """Write to standard error, quiet or not; where nobody can read it, nothing happens."""
     try:
-        click.echo(text, err=True)
+        click.echo(visible(text, _LAYOUT), err=True)
     except OSError:
         return
 

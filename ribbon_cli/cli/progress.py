@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 from ribbon_cli.cli.output import complain
 from ribbon_cli.cli.render import duration
 from ribbon_cli.cli.settings import Settings
+from ribbon_cli.text import visible
 
 if TYPE_CHECKING:
     from rich.progress import Progress as RichProgress
@@ -158,7 +159,7 @@ class Bar(Lines):
     def stage(self, name: str, index: int, total: int, half_width: float, segments: int) -> None:
         """A stage begins: the bar stands at the stages before it."""
         super().stage(name, index, total, half_width, segments)
-        heading = self._current.heading
+        heading = visible(self._current.heading)
         self._bar.update(self._task, description=heading, total=total, completed=index - 1, figures="")
 
     def step(self, iteration: int, energy: float, residual: float, half_width: float | None = None) -> None:
@@ -182,7 +183,7 @@ class Bar(Lines):
         self._idle = []
 
     def _write(self, text: str) -> None:
-        self._bar.console.print(text, markup=False, highlight=False, soft_wrap=True)
+        self._bar.console.print(visible(text, "\n"), markup=False, highlight=False, soft_wrap=True)
 
 
 def _bar() -> RichProgress:

@@ -9,6 +9,8 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from ribbon_cli.text import visible
+
 if TYPE_CHECKING:
     from ribbon_cli.study import Course, PlannedStage, Target
 
@@ -24,7 +26,7 @@ _LEFT = frozenset(
 
 def columns(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """Aligned columns under `heads`, two spaces apart."""
-    lines = [tuple(heads), *map(tuple, rows)]
+    lines = [tuple(heads), *(tuple(map(visible, row)) for row in rows)]
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
     form = "  ".join(
         f"{{:{'<' if head in _LEFT else '>'}{width}}}" for head, width in zip(heads, widths, strict=True)
@@ -107,8 +109,9 @@ def targets_table(targets: Iterable[Target], states: Mapping[int, State]) -> str
 
 def branch_text(course: Course) -> str:
     """A branch: its points in a table, then why it ends."""
-    title = f"{course.name}, from state {course.start}"
-    end = f"ends at b = {number(course.half_width, '.12g')} ({course.reason}): {course.message}"
+    title = visible(f"{course.name}, from state {course.start}")
+    why = visible(f"({course.reason}): {course.message}")
+    end = f"ends at b = {number(course.half_width, '.12g')} {why}"
     return f"{title}\n{branch_table(course)}\n{end}" if course.points else f"{title}: {end}"
 
 
@@ -157,13 +160,13 @@ def listing(values: Mapping[str, Any]) -> str:
 
 def _listing_lines(values: Mapping[str, Any], indent: str) -> list[str]:
     plain = [name for name, value in values.items() if not isinstance(value, Mapping)]
-    width = max(map(len, plain), default=0)
+    width = max((len(visible(name)) for name in plain), default=0)
     lines = []
     for name, value in values.items():
         if isinstance(value, Mapping):
-            lines += [f"{indent}{name}:", *_listing_lines(value, f"{indent}  ")]
+            lines += [f"{indent}{visible(name)}:", *_listing_lines(value, f"{indent}  ")]
         else:
-            lines.append(f"{indent}{name:{width}}  {_plain(value)}".rstrip())
+            lines.append(f"{indent}{visible(name):{width}}  {_plain(value)}".rstrip())
     return lines
 
 
@@ -177,7 +180,7 @@ def _plain(value: Any) -> str:
         return MISSING if math.isnan(value) else f"{value:.10g}"
     if isinstance(value, list | tuple):
         return "; ".join(map(_plain, value)) or "none"
-    return str(value)
+    return visible(str(value))
 
 
 def history_lines(events: Iterable[Mapping[str, Any]]) -> dict[str, str]:

@@ -47,6 +47,15 @@ def _remember(ctx: click.Context, parameter: click.Parameter, value: Any) -> Non
         setattr(settings, str(parameter.name), value)
 
 
+def _help(ctx: click.Context, parameter: click.Parameter, value: bool) -> None:
+    """Print the help and leave, by `emit`, which knows of full disks and of readers that have gone."""
+    if value and not ctx.resilient_parsing:
+        from ribbon_cli.cli.output import emit
+
+        emit(ctx.get_help())
+        ctx.exit()
+
+
 _OPTIONS = (
     click.option(
         "--runs",
@@ -85,6 +94,15 @@ _OPTIONS = (
         expose_value=False,
         callback=_remember,
         help="Show the traceback of an error.",
+    ),
+    click.option(
+        "-h",
+        "--help",
+        is_flag=True,
+        is_eager=True,
+        expose_value=False,
+        callback=_help,
+        help="Show this message and exit.",
     ),
 )
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import base64
 import json
+import re
 from collections.abc import Sequence
 from importlib import resources
 from typing import TYPE_CHECKING, Any
@@ -20,6 +21,7 @@ from ribbon_cli.export.mesh import FACET_FIELDS, ODD_FIELDS, facet_corners, stri
 from ribbon_cli.export.view import automatic_view
 from ribbon_cli.export.words import verdict
 from ribbon_cli.store import content_sha256
+from ribbon_cli.text import visible
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -45,11 +47,12 @@ def viewer_html(records: Sequence[StateRecord], title: str, run: str | None) -> 
         "oddFields": [name for name in FIELDS if name in ODD_FIELDS],
         "states": [_state(record, corners) for record, corners in zip(records, placed, strict=True)],
     }
-    # "</" would end the script that holds the data.
-    data = json.dumps(document, separators=(",", ":"), allow_nan=False).replace("</", "<\\/")
+    # "</" would end the script that holds the data, and "<!--" begin what ends elsewhere.
+    data = json.dumps(document, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
     page = resources.files("ribbon_cli.export").joinpath("data/viewer.html").read_text(encoding="utf-8")
-    page = page.replace("{{title}}", escape(title)).replace("{{data}}", data)
-    return page.encode()
+    # In one go: a title may read like a place of the page.
+    filled = {"{{title}}": escape(visible(title)), "{{data}}": data}
+    return re.sub(r"\{\{\w+\}\}", lambda place: filled[place[0]], page).encode()
 
 
 def _state(record: StateRecord, placed: Array) -> dict[str, Any]:

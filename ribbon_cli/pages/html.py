@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Iterable, Sequence
-from html import escape
+from html import escape as _escape
+
+from ribbon_cli.text import visible
 
 Cell = str | tuple[str, str]
 """A plain text, or a text with a class: `n` for numbers, `yes`, `no`, `open`."""
@@ -27,6 +29,11 @@ pre { background: #f6f6f6; padding: 0.8rem; overflow-x: auto; font-size: 0.82rem
 """
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
 """What a browser may load for a page: nothing but what is in it."""
+
+
+def escape(text: str) -> str:
+    """A text as HTML, in which nothing is a tag and nothing turns the direction of what follows."""
+    return _escape(visible(text, "\n\t"))
 
 
 def page(title: str, body: Iterable[str]) -> bytes:

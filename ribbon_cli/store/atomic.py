@@ -19,6 +19,7 @@ TEMPORARY = ".tmp-"
 
 _NO_LINKS = {errno.EPERM, errno.ENOSYS, errno.EOPNOTSUPP, errno.ENOTSUP, errno.EMLINK}
 _NO_FOLDER_SYNC = {errno.EINVAL, errno.ENOSYS, errno.EOPNOTSUPP, errno.ENOTSUP}
+_NO_FILE = {errno.ENOENT, errno.ENOTDIR, errno.EISDIR, errno.ELOOP, errno.ENXIO}
 _counter = itertools.count()
 _STEM = 40
 _NAMED = re.compile(re.escape(TEMPORARY) + r".{0,40}-\d+-\d+-[0-9a-f]{8}", re.DOTALL)
@@ -57,6 +58,15 @@ def write_error(path: str | Path, error: OSError) -> StoreError:
     reason = error.strerror or str(error) or type(error).__name__
     hint = advice.get(error.errno or 0, "check the file system")
     return StoreError(f"{path}: cannot be written: {reason}; {hint}")
+
+
+def is_passing(error: StoreError) -> bool:
+    """Whether what could not be read may well be whole: no permission, too many open files, a disk away.
+
+    Not so where nothing of that name is there, or no file.
+    """
+    cause = error.__cause__
+    return isinstance(cause, OSError) and cause.errno not in _NO_FILE
 
 
 def unused_name(path: Path, word: str) -> Path:

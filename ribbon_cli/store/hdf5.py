@@ -34,6 +34,8 @@ GZIP_LEVEL = 4
 MAX_BYTES = 2**28
 """Largest state file, and largest sum of its datasets once unpacked, that is read: N = 100 000 with its
 modes fits."""
+PACK = "ribbon-pack"
+"""The format that packed runs name."""
 MAX_OBJECTS = 1000
 """Most groups and datasets that are visited; a state has less than a hundred."""
 _FILTERS = {1, 2, 3}  # deflate, shuffle, fletcher32: all built in, so that no plug-in is ever loaded
@@ -235,6 +237,8 @@ def _check_root(file: h5py.File, source: str, head: str | None) -> str:
     """
     name = text_attribute(file, "format")
     version = text_attribute(file, "format_version")
+    if name == PACK:
+        raise StoreError(f"{source}: a packed run, no state: `ribbon unpack` makes a run of it again")
     if name != FORMAT:
         raise ValueError(f"its format is {name!r}, not {FORMAT!r}")
     major, _, minor = version.partition(".")

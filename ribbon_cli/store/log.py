@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from ribbon_cli.errors import StoreError
-from ribbon_cli.store.atomic import without_waiting, write_all, write_error
+from ribbon_cli.store.atomic import is_passing, without_waiting, write_all, write_error
 from ribbon_cli.store.events import check_event
 
 _TAIL = len(',"crc32":"01234567"}')
@@ -169,12 +169,17 @@ def read_log(path: Path) -> list[dict[str, Any]]:
 
 
 def salvage_log(path: Path) -> tuple[list[dict[str, Any]], int]:
-    """Return the entries of a damaged or missing log that can be read, and how many lines cannot."""
+    """Return the entries of a damaged or missing log that can be read, and how many lines cannot.
+
+    Raises StoreError where the log may well be whole, but cannot be read now.
+    """
     entries: list[dict[str, Any]] = []
     lost = 0
     try:
         lines = read_lines(path)
-    except StoreError:
+    except StoreError as error:
+        if is_passing(error):
+            raise
         return [], 0
     for line in lines:
         try:

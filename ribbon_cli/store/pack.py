@@ -17,14 +17,14 @@ from ribbon_cli.errors import StoreError, UsageError
 from ribbon_cli.store import log
 from ribbon_cli.store.atomic import publish, temporary_name, write_durable, write_error
 from ribbon_cli.store.folder import CONFIG, LOG, RESOLVED, STATES, place, state_name
-from ribbon_cli.store.hdf5 import MAX_BYTES, UNREADABLE, check_dataset, read_bytes, text_attribute
+from ribbon_cli.store.hdf5 import MAX_BYTES, PACK, UNREADABLE, check_dataset, read_bytes, text_attribute
 from ribbon_cli.store.hdf5 import write_text_attribute as write_text
 from ribbon_cli.store.run import Run
 
 if TYPE_CHECKING:
     import h5py
 
-FORMAT = "ribbon-pack"
+FORMAT = PACK
 FORMAT_VERSION = "1.0"
 _RUN_NAME = re.compile(r"\w[\w.-]{0,200}-[0-9a-f]{8}(\.old-\d{1,6})?")
 _STATE = re.compile(r"\d{4,12}\.h5")

@@ -21,6 +21,12 @@ _LINE = re.compile(rb"ribbon-state (\d{1,4}\.\d{1,4}) sha256 ([0-9a-f]{64})\n")
 _LENGTH = len(f"{FORMAT} {FORMAT_VERSION} sha256 \n") + 64
 _SMALLEST = 2048
 """HDF5 looks for its own beginning at 0, 512, 1024, 2048, ...; most summaries fit here."""
+_OTHERS = {
+    b'{"event":': ", but as the log of a run: name the run",
+    b"PK\x03\x04": ", but as an archive: an npz file is read when its name ends in .npz",
+    b"version https://git-lfs": ", but as a pointer of git-lfs: `git lfs pull` fetches the file itself",
+}
+"""What other files begin with that are likely to be taken for states."""
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 
 
@@ -63,7 +69,8 @@ def check_seal(data: bytes) -> dict[str, Any] | None:
         return None
     found = _LINE.match(data)
     if found is None:
-        raise ValueError("it begins neither as a state file nor as HDF5")
+        likely = next((what for start, what in _OTHERS.items() if data.startswith(start)), "")
+        raise ValueError("it begins neither as a state file nor as HDF5" + likely)
     rest = memoryview(data)[found.end() :]
     if hashlib.sha256(rest).hexdigest().encode() != found[2]:
         raise ValueError("its bytes are not those that were written")

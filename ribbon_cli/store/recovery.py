@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import hashlib
 import os
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
 from ribbon_cli.errors import StoreError
 from ribbon_cli.store import configs, log
-from ribbon_cli.store.atomic import TEMPORARY, put_aside, unused_name, write_atomic, write_error
+from ribbon_cli.store.atomic import TEMPORARY, is_passing, put_aside, unused_name, write_atomic, write_error
 from ribbon_cli.store.folder import (
     LOG,
     STATES,
@@ -157,7 +158,7 @@ def repair(folder: Path) -> list[str]:
     if created is None:
         entries.insert(0, created_entry(configs.present(folder)) | {"rebuilt": True})
         notes.append("made a new first line of the log")
-    kept, seen = [], set()
+    kept, seen, there = [], set(), _files(folder).keys()
     for entry in entries:
         if entry["event"] == "state":
             label = entry["state"]["label"]
@@ -165,7 +166,7 @@ def repair(folder: Path) -> list[str]:
                 notes.append(f"dropped a second line on state {label}")
                 continue
             seen.add(label)
-        entry, note = _checked_entry(folder, entry)
+        entry, note = _checked_entry(folder, entry, there)
         kept.append(entry)
         notes += [note] if note else []
     known = {entry["state"]["label"] for entry in kept if entry["event"] == "state"}
@@ -177,13 +178,16 @@ def repair(folder: Path) -> list[str]:
     return notes
 
 
-def _checked_entry(folder: Path, entry: dict[str, Any]) -> tuple[dict[str, Any], str]:
-    """An entry as it should be, and a note where that is another; a state's file is put aside if damaged."""
+def _checked_entry(folder: Path, entry: dict[str, Any], there: Collection[int]) -> tuple[dict[str, Any], str]:
+    """An entry as it should be, and a note where that is another; a state's file is put aside if damaged.
+
+    A file is missing where the folder does not list it: one that may not be looked at is `there`.
+    """
     if entry["event"] != "state":
         return entry, ""
     label = entry["state"]["label"]
     path = folder / state_name(label)
-    if not os.path.lexists(path):
+    if label not in there:
         lost = {**entry, "event": "state-lost", "label": label, "reason": "its file is missing"}
         return lost, f"{state_name(label)} is missing: marked as lost"
     try:
@@ -210,7 +214,7 @@ def _read(path: Path) -> bytes:
     try:
         return read_bytes(path)
     except StoreError as error:
-        if isinstance(error.__cause__, OSError):
+        if is_passing(error):
             raise
         raise ValueError(str(error)) from error
 

@@ -17,7 +17,7 @@ from typing import Any
 
 from ribbon_cli.errors import StoreError, UsageError
 from ribbon_cli.store import log
-from ribbon_cli.store.atomic import TEMPORARY, sync_folder, write_atomic, write_error
+from ribbon_cli.store.atomic import TEMPORARY, is_passing, sync_folder, write_atomic, write_error
 from ribbon_cli.store.events import LABELS
 from ribbon_cli.store.folder import (
     CONFIG,
@@ -200,7 +200,8 @@ class Run:
         return entries[label]
 
     def damage(self, labels: Iterable[int]) -> dict[int, str]:
-        """Which of these states' files are `missing` or, by their hash, `damaged`; HDF5 sees none of them.
+        """Which of these states' files are `missing`, `unreadable` as things are (permissions, a disk that is
+        away) or, by their hash, `damaged`; HDF5 sees none of them.
 
         Raises StoreError as `events` does.
         """
@@ -209,8 +210,11 @@ class Run:
             path = self.state_path(label)
             try:
                 data = read_bytes(path)
-            except StoreError:
-                found[label] = "damaged" if os.path.lexists(path) else "missing"
+            except StoreError as error:
+                if is_passing(error):
+                    found[label] = "unreadable"
+                else:
+                    found[label] = "damaged" if os.path.lexists(path) else "missing"
                 continue
             if hashlib.sha256(data).hexdigest() != entries[label]["sha256"]:
                 found[label] = "damaged"

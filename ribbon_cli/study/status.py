@@ -14,7 +14,7 @@ from .resolved import resolved_config
 
 RUN_STATUSES = ("complete", "running", "waiting", "failed", "damaged", "unknown")
 """Words for a run as a whole: all targets certified; being written to; targets left; targets missed; ..."""
-STATE_STATUSES = (*(status.value for status in Status), "missing", "damaged")
+STATE_STATUSES = (*(status.value for status in Status), "missing", "unreadable", "damaged")
 """Words for a state: outcomes of a solve, or what has become of its file."""
 
 Place = tuple[float, int]

@@ -1,0 +1,25 @@
+"""Texts that others wrote, fit to be shown: names, logs, configs and labels may hold anything."""
+
+from __future__ import annotations
+
+
+def visible(text: str, keep: str = "") -> str:
+    """Return a text with every character escaped that would not be seen, but might be obeyed.
+
+    These are the controls, which a terminal takes for orders, marks that turn the direction of what follows,
+    line and paragraph separators, halves of surrogate pairs and whatever else does not print. Spaces of any
+    width stay, and what is in `keep`.
+    """
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() or c in keep or _is_space(c) else _escaped(c) for c in text)
+
+
+def _is_space(character: str) -> bool:
+    from unicodedata import category
+
+    return category(character) == "Zs"
+
+
+def _escaped(character: str) -> str:
+    return character.encode("unicode_escape").decode("ascii")
