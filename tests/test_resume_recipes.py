@@ -33,6 +33,16 @@ initial_guess: {{state: {Path(__file__).parent / "data" / "pi-b0.1-N50-second-mi
 spectrum: {{modes: 2, full_up_to: 0, metrics: [physical]}}
 """
 
+CONTACT = """\
+name: band
+topology: {half_twists: 3}
+initial_guess: {recipe: schoenke, segments: 60, half_width: 0.5}
+widths: [0.65, 0.68]
+refinement: [60]
+spectrum: {modes: 0, full_up_to: 0}
+contact: stop
+"""
+
 SOLVE = ("solve", "band.yaml")
 AROUND_THE_FOLD = ("continue", "band:1", "--to", "0.12", "--back-to", "0.105", "--arclength")
 
@@ -43,8 +53,9 @@ AROUND_THE_FOLD = ("continue", "band:1", "--to", "0.12", "--back-to", "0.105", "
         (EVERSION, SOLVE, (2, 6)),
         (CONSTRUCTION, SOLVE, (1, 4)),
         (GIVEN, AROUND_THE_FOLD, (3, 7)),
+        (CONTACT, SOLVE, (2, 3)),
     ],
-    ids=["eversion", "schoenke", "continue-arclength"],
+    ids=["eversion", "schoenke", "continue-arclength", "contact"],
 )
 def test_killed_and_resumed(
     tmp_path: Path,

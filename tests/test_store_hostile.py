@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import resource
 import shutil
+import socket
 import subprocess
 import time
 from pathlib import Path
@@ -242,6 +244,62 @@ def test_a_pack_that_finds_no_room_says_so_and_leaves_nothing(folder, blocks):
     assert (done.returncode, done.stdout) == (4, "")
     assert done.stderr == "ribbon: a.h5: cannot be written: File too large; check the file system\n"
     assert os.listdir(folder) == ["runs"]
+
+
+# --- clocks and hosts ---
+
+
+def test_a_clock_that_goes_back_changes_nothing(folder, monkeypatch):
+    times = itertools.count()
+    monkeypatch.setattr(
+        "ribbon_cli.store.log.utc_now", lambda: f"20{99 - next(times):02}-01-01T00:00:00.000Z"
+    )
+    (folder / "a.yaml").write_text(
+        (folder / "runs" / NAME / "config.yaml").read_text().replace(NAME[:-9], "a")
+    )
+    assert ribbon("solve", "a.yaml").exit_code == 0
+    run = next(run for run in list_runs("runs") if run.short_name == "a")
+    told = [entry["time"] for entry in run.events()]
+    assert told == sorted(told, reverse=True)
+    run.state_path(2).unlink()
+    for words in (
+        ("repair", "a"),
+        ("solve", "a.yaml"),
+        ("verify", "a"),
+        ("ls",),
+        ("show", "a"),
+        ("repair", "a"),
+    ):
+        result = ribbon(*words)
+        assert result.exit_code == 0, result.output
+    assert "nothing to repair" in result.stderr
+    assert list(run.entries()) == [1, 3]
+
+
+def test_a_note_that_another_host_left_locks_nobody_out(folder, monkeypatch):
+    """Of a process there nothing is known: the run counts as in hand until somebody writes; the lock decides."""
+    run = Run.open(folder / "runs" / NAME)
+    with run.writing():
+        note = (run.path / "lock.holder").read_text()
+    (run.path / "lock.holder").write_text(note)
+    monkeypatch.setattr("socket.gethostname", lambda: "renamed")
+    assert ribbon_json("ls")[0]["status"] == "running"
+    with run.writing():
+        assert f"process {os.getpid()} on " in run.remarks[0]
+        assert "ended without letting go" in run.remarks[0]
+    assert ribbon_json("ls")[0]["status"] == "complete"
+
+
+@pytest.mark.parametrize("pid", [0, -1, 2**70, "1", None, [1], True, 1e300])
+def test_a_claim_with_an_odd_pid_is_respected(folder, pid):
+    run = Run.open(folder / "runs" / NAME)
+    note = {"pid": pid, "host": socket.gethostname(), "since": "then\x1b[2J"}
+    (run.path / "lock.claim").write_text(json.dumps(note))
+    result = ribbon("repair", NAME)
+    assert result.exit_code == 5
+    assert "\x1b" not in result.stderr
+    assert "remove" in result.stderr
+    assert ribbon("ls").exit_code == ribbon("show", NAME).exit_code == 0
 
 
 # --- what is removed as abandoned ---

@@ -77,6 +77,35 @@ def test_its_states_are_exported_and_repaired_without_a_log(folder):
     assert ribbon("verify", "all").exit_code == 0
 
 
+def test_it_is_resumed_refined_repaired_and_packed_by_this_version(folder):
+    """What an earlier version computed is kept; what is lost is computed again, into the same run."""
+    run, config = Run.open(folder), f"{Run.open(folder).short_name}.yaml"
+    before, last = run.entries(), max(run.entries())
+    shutil.copy(folder / "config.yaml", config)
+    assert ribbon("solve", config).exit_code == 0
+    assert len(Run.open(folder).entries()) == last
+    run.state_path(last).unlink()
+    assert ribbon("verify", run.name).exit_code == 4
+    assert ribbon("repair", run.name).exit_code == 0
+    assert ribbon_json("solve", config, "-q")["new_states"] == 1
+    assert [path.name for path in folder.parent.iterdir()] == [run.name]
+    again = Run.open(folder).entries()[last + 1]["state"]
+    assert again["stage"] == before[last]["state"]["stage"]
+    assert again["energy"] == pytest.approx(before[last]["state"]["energy"], rel=1e-12)
+    finer = 2 * again["segments"]
+    assert ribbon("refine", f"{run.name}:{last + 1}", "--to", str(finer)).exit_code == 0
+    lines = run.log_path.read_bytes().splitlines(keepends=True)
+    run.log_path.write_bytes(b"".join([lines[0], b"nonsense\n", *lines[2:]]) + b"torn")
+    assert ribbon("repair", run.name).exit_code == 0
+    ribbon_json("pack", run.name, "-o", "shared.h5")
+    ribbon_json("unpack", "shared.h5", "--runs", "other")
+    for root in ("runs", "other"):
+        result = ribbon("verify", "all", "--runs", root)
+        assert (result.exit_code, result.stdout) == (0, ""), result.output
+        states = ribbon_json("ls", run.name, "--all", "--runs", root)
+        assert finer in {state["segments"] for state in states}
+
+
 def test_what_the_branch_of_1_1_says():
     record = Run.open(frozen("1.1")).load(2)
     branch = record.branch
