@@ -77,6 +77,17 @@ def test_offers(folder, words, expected):
     assert sorted(offered(*words)) == sorted(expected)
 
 
+@pytest.mark.parametrize(
+    "name", ["m;touch x;", "m$(touch x)", "m`touch x`", "m x", "m\x1b[2J", "m\nfile,", "m'", "m|x"]
+)
+def test_a_name_that_a_shell_would_obey_is_not_offered(folder, name):
+    """Bash puts what it is offered into the line as it is."""
+    made = folder / "runs" / f"{name}-0123abcd"
+    shutil.copytree(folder / "runs" / "ring-a-0123abcd", made)
+    assert offered("ls", "") == RUNS
+    assert offered("ls", "m") == ["mobius"]
+
+
 def test_runs_are_sought_where_the_line_says(folder):
     os.rename("runs", "mine")
     assert offered("ls", "r") == []

@@ -13,6 +13,7 @@ from functools import partial
 from pathlib import Path
 
 import h5py
+import numpy as np
 import pytest
 from cli_support import COMMAND, environment, ribbon
 from store_support import make_record, make_run
@@ -131,6 +132,40 @@ def test_pages_show_texts_and_obey_none():
     assert "{{data}}" in head
     assert "<script" not in head
     assert not OBEYED.search(html)
+
+
+def test_the_report_of_a_forged_run_obeys_nothing(folder):
+    run = Run.open(folder / "runs" / NAME)
+    entries = copy.deepcopy(read_log(run.log_path))
+    for field in ("stage", "status", "method", "message"):
+        entries[2]["state"][field] = EVIL
+    for field in ("reason", "message"):
+        entries[3][field] = EVIL
+    run.log_path.write_bytes(b"".join(map(format_line, entries)))
+    (run.path / "config.yaml").write_text((run.path / "config.yaml").read_text() + f"# {EVIL}\n")
+    result = ribbon("report", NAME, "-o", "a.html")
+    assert result.exit_code == 0, result.output
+    assert not OBEYED.search(result.stdout + result.stderr)
+    html = (folder / "a.html").read_text()
+    assert "alert(1)" in html
+    assert "<script>alert(1)" not in html
+    assert not OBEYED.search(html)
+
+
+def test_a_text_in_an_npz_file_reaches_no_terminal_raw(folder):
+    assert ribbon("export", f"{NAME}:1", "--to", "npz", "-o", "a.npz").exit_code == 0
+    with np.load("a.npz") as archive:
+        arrays = dict(archive)
+    np.savez("b.npz", **arrays | {"discretisation": np.array(EVIL)})
+    np.savez("c.npz", **arrays | {"u": np.zeros((3, 3)), "kind": np.array(EVIL)})
+    np.savez(f"d{OBEYED.sub('', EVIL).replace('/', '')}\x1b.npz", **arrays | {"sigma": np.array(7)})
+    for name in os.listdir(folder):
+        for words in (("export", name, "--to", "csv", "-o", "x.csv"), ("spectrum", name), ("show", name)):
+            if name.endswith(".npz") and name != "a.npz":
+                result = ribbon(*words)
+                assert result.exit_code in (2, 4), result.output
+                assert "internal error" not in result.stderr
+                assert not OBEYED.search(result.stdout + result.stderr)
 
 
 # --- what cannot be read, and what is no state ---

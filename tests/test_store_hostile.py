@@ -277,7 +277,7 @@ def test_a_clock_that_goes_back_changes_nothing(folder, monkeypatch):
 
 
 def test_a_note_that_another_host_left_locks_nobody_out(folder, monkeypatch):
-    """Of a process there nothing is known: the run counts as in hand until somebody writes; the lock decides."""
+    """Of a process there nothing is known: the run counts as in hand until somebody writes."""
     run = Run.open(folder / "runs" / NAME)
     with run.writing():
         note = (run.path / "lock.holder").read_text()

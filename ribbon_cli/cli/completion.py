@@ -6,6 +6,7 @@ The callbacks run at every press of Tab, on whatever is in the folder: they neve
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 SHELLS = ("bash", "zsh", "fish")
 _MOST = 500
 """Most candidates that are worth showing."""
+_PLAIN = re.compile(r"[\w.@:=,+-]*")
+"""What no shell takes for more than text; a folder that others have given any other name is not offered."""
 
 _BASH = """\
 %(complete_func)s() {
@@ -102,7 +105,7 @@ def _candidates(find: Callable[[click.Context, str], Iterator[str]], kind: str =
         found: list[str] = []
         try:
             for value in find(ctx, incomplete):
-                if value.startswith(incomplete) and len(found) < _MOST:
+                if value.startswith(incomplete) and _PLAIN.fullmatch(value) and len(found) < _MOST:
                     found.append(value)
         except Exception:  # noqa: BLE001  (a damaged run must not put a traceback into the user's line)
             found = []

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from ribbon_cli.errors import UsageError
+from ribbon_cli.text import visible
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -94,6 +95,7 @@ def pattern_svg(pattern: Pattern, title: str, paper: str | None = None, number: 
     """
     from xml.sax.saxutils import escape
 
+    title = visible(title)
     wide, tall, found = pages(pattern, paper)
     page = found[number - 1]
     high = pattern.box[3]
