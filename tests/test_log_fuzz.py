@@ -129,9 +129,11 @@ def change(chance: random.Random, entry: Any) -> None:
             owner[chance.choice(["new", "label", "time", "state", "\ud800", "crc32"])] = odd(chance)
 
 
-def mutate(chance: random.Random, entries: Lines) -> Lines:
-    """Forge one thing in a log."""
+def mutate(chance: random.Random, entries: Lines, honest: Lines) -> Lines:
+    """Forge one thing in a log, be it forged already."""
     entries = copy.deepcopy(entries)
+    if not entries or not all(isinstance(entry, dict) and entry for entry in entries):
+        return entries
     k = chance.randrange(len(entries))
     match chance.randrange(16):
         case 0 | 1 | 2 | 3 | 4 | 5 | 6:
@@ -150,7 +152,7 @@ def mutate(chance: random.Random, entries: Lines) -> Lines:
             lost = {"event": "state-lost", "time": "x", "label": chance.choice([1, 2, 3, 7, 10**12 - 1])}
             entries.insert(chance.randrange(len(entries) + 1), lost)
         case 12:
-            end = next(entry for entry in entries if entry["event"] == "branch-end")
+            end = next(entry for entry in honest if entry["event"] == "branch-end")
             field = chance.choice(["branch", "start", "reason", "half_width", "message"])
             entries.append({**end, field: odd(chance)})
         case 13:
@@ -159,7 +161,7 @@ def mutate(chance: random.Random, entries: Lines) -> Lines:
             )
         case 14:
             label = chance.choice([1, 2, 3, 9, 12345, 10**12 - 1])
-            more = copy.deepcopy(next(entry for entry in entries if entry["event"] == "state"))
+            more = copy.deepcopy(next(entry for entry in honest if entry["event"] == "state"))
             more["state"]["label"], more["file"] = label, f"states/{label:04d}.h5"
             entries.insert(chance.randrange(len(entries) + 1), more)
         case _:
@@ -199,7 +201,7 @@ def forge(folder: Path, made: Path, count: int, seed: int) -> dict[int, int]:
         shutil.copytree(made / "runs", root)
         entries = honest
         for _ in range(chance.choice((1, 1, 2))):
-            entries = mutate(chance, entries) if not any(isinstance(e, bytes) for e in entries) else entries
+            entries = mutate(chance, entries, honest)
         ascii_only = chance.random() < 0.5
         (root / run.name / "log.jsonl").write_bytes(b"".join(sealed(entry, ascii_only) for entry in entries))
         mend = (("repair", "forged"), ("verify", "forged"), ("solve", str(made / "forged.yaml"), "-q"))
