@@ -141,7 +141,8 @@ def test_hostile_packs_are_refused_whole(folder, change, message):
     assert not (folder / "other").exists() or os.listdir(folder / "other") == []
     write_atomic("none.h5", b"no HDF5 at all")
     assert ribbon("unpack", "none.h5").exit_code == 4
-    assert ribbon("unpack", "missing.h5").exit_code == 4
+    missing = ribbon("unpack", "missing.h5")
+    assert (missing.exit_code, missing.stderr) == (4, "ribbon: missing.h5: no such file\n")
 
 
 # --- repair, rm, path ---

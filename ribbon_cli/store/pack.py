@@ -208,12 +208,11 @@ def is_pack(path: Path) -> bool:
 def read_pack(path: Path) -> tuple[str, Iterator[tuple[str, bytes]]]:
     """Return the name of a packed run, and its files one after the other, each compared with the run's log.
 
-    Raises UsageError where there is no file, StoreError, at once or while files are read, for whatever is not
-    as `pack` writes it. Names of
+    Raises StoreError, at once or while files are read, for whatever is not as `pack` writes it. Names of
     files are those that a run has, so that none can leave its folder.
     """
     if not os.path.isfile(path):
-        raise UsageError(f"{path}: no such file")
+        raise StoreError(f"{path}: no such file")
     try:
         return _run_name(path), _files(path)
     except UNREADABLE as error:
