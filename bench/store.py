@@ -78,6 +78,7 @@ def seconds(folder: Path, *words: str, repeats: int = REPEATS) -> tuple[float, f
 def measure(folder: Path, states: int = STATES) -> list[tuple[str, tuple[float, float], float | None]]:
     """Rows of (what, (seconds, seconds of processor), limit)."""
     run = make_run(folder, states)
+    os.sync()  # what is still being written to the disk is not to be measured
     last = f"big:{states}"
     rows: list[tuple[str, tuple[float, float], float | None]] = [
         ("start of Python and nothing else (`ribbon --version`)", seconds(folder, "--version"), None),

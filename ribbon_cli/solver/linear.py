@@ -67,27 +67,35 @@ class Factor:
             weakref.finalize(self, idle.append, self._solver).atexit = False
 
     def _factor(self, delta: float) -> None:
-        """LDL^T with one regularisation; no pivots are kept if it meets a zero one."""
+        """LDL^T with one regularisation; there is none if it meets a zero pivot."""
         self._delta = delta
-        self._pivots: Array | None = None
+        self._known: Array | None = None
         upper = self.matrix.regularised(self.shift, delta)
         try:
             if self._solver is None:
                 self._solver = qdldl.Solver(upper, upper=True)
             else:
                 self._solver.update(upper, upper=True)
+            self._found = True
         except RuntimeError:
-            return
-        pivots = np.asarray(self._solver.factors()[1])
-        if pivots.all():
-            self._pivots = pivots
+            self._found = False
+
+    @property
+    def _pivots(self) -> Array | None:
+        """The pivots, None if one is zero; not looked at without need, since they come with a copy of L."""
+        if self._known is None and self._found:
+            assert self._solver is not None
+            self._known = np.asarray(self._solver.factors()[1])
+            self._found = bool(self._known.all())
+        return self._known if self._found else None
 
     @property
     def surplus(self) -> int:
         """Negative pivots beyond those of the multiplier block."""
-        if self._pivots is None:
+        pivots = self._pivots
+        if pivots is None:
             return self._reduced().inertia.negative
-        return int((self._pivots < 0).sum()) - int(self.matrix.border)
+        return int((pivots < 0).sum()) - int(self.matrix.border)
 
     def proves_minimum(self) -> bool:
         """Whether the pivots prove that the projected Hessian has no eigenvalue below `shift`.
@@ -181,7 +189,7 @@ class Factor:
 
     def _refined(self, rhs: Array, size: float, backward: bool, goal: float) -> tuple[Array, float]:
         """The best of a few refinements and its residual relative to the right-hand side."""
-        if self._pivots is None:
+        if not self._found:
             return rhs, np.inf
         solution = self._inverse(rhs)
         best, best_error = solution, np.inf

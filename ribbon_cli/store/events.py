@@ -119,13 +119,16 @@ def _require(fields: Any, types: Mapping[str, frozenset[type]], of: str) -> None
     for name, allowed in types.items():
         value = found.get(name, _require)  # which is no value at all
         kind = type(value)
-        if (
-            kind not in allowed
-            or (kind is list and not _are_texts(value))
-            or (kind is int and not -_LARGEST <= value < _LARGEST)
-            or (kind is float and not math.isfinite(value))  # as 1e999 is
-        ):
-            raise ValueError(f"{name} {of}")
+        if kind in allowed:
+            if kind is float:
+                if math.isfinite(value):  # as 1e999 is not
+                    continue
+            elif kind is int:
+                if -_LARGEST <= value < _LARGEST:
+                    continue
+            elif kind is not list or _are_texts(value):
+                continue
+        raise ValueError(f"{name} {of}")
 
 
 def _are_texts(values: list[Any]) -> bool:

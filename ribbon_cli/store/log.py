@@ -67,7 +67,7 @@ def parse_json(body: bytes) -> Any:
     text = body.decode()
     if body.count(b"[") + body.count(b"{") > _DEEPEST and _depth(text) > _DEEPEST:
         raise ValueError("it is nested too deeply")
-    entry: Any = json.loads(text, parse_constant=_no_number)
+    entry: Any = _DECODER.decode(text)
     if b"\\u" in body:  # no text that could not be written again: half a pair of surrogates
         json.dumps(entry, ensure_ascii=False).encode()
     return entry
@@ -76,6 +76,9 @@ def parse_json(body: bytes) -> Any:
 def _no_number(word: str) -> float:
     """Refuse what Python takes for a number, and JSON does not."""
     raise ValueError(f"{word} is no number in JSON")
+
+
+_DECODER = json.JSONDecoder(parse_constant=_no_number)  # made once: it takes as long as reading a line
 
 
 def _depth(text: str) -> int:
