@@ -97,17 +97,17 @@ clean: ## remove .venv, .venv-minimum and caches; runs stay
 
 $(READY): pyproject.toml
 	@$(new-venv)
-	@$(PIP) install --editable .
+	@$(call install,.)
 	@touch $@
 
 $(READY_DEV): pyproject.toml
 	@$(new-venv)
-	@$(PIP) install --editable '.[dev,bench]'
+	@$(call install,'.[dev$(comma)bench]')
 	@touch $@ $(READY) $(READY_BENCH)
 
 $(READY_BENCH): pyproject.toml
 	@$(new-venv)
-	@$(PIP) install --editable '.[bench]'
+	@$(call install,'.[bench]')
 	@touch $@ $(READY)
 
 $(MINIMUM)/ready: pyproject.toml constraints/minimum.txt
@@ -121,6 +121,12 @@ $(MINIMUM)/ready: pyproject.toml constraints/minimum.txt
 	@$(MINIMUM)/bin/python -m pip -qq --disable-pip-version-check install --no-deps --editable .
 	@$(MINIMUM)/bin/python -m pip --disable-pip-version-check check
 	@touch $@
+
+# pip compiles what it installs, but not a package that stays where it is: its commands would start later.
+comma := ,
+define install
+$(PIP) install --editable $(1) && $(BIN)/python -m compileall -q ribbon_cli
+endef
 
 # A virtual environment, unless a working one is there; the interpreter is checked before it is used.
 define new-venv

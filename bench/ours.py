@@ -19,7 +19,7 @@ from ribbon_cli.solver.kkt import KKTMatrix
 from ribbon_cli.solver.newton import Options, estimate_multipliers, inverted_facets, solve
 from ribbon_cli.solver.prolongation import Phase, phase_of, smooth
 from ribbon_cli.solver.status import Result
-from ribbon_cli.study.journal import checked, options_for
+from ribbon_cli.study.acceptance import checked, options_for
 from ribbon_cli.study.progress import Silence
 
 from .peer import PeerResult, Start

@@ -9,12 +9,15 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from ribbon_cli.config import dump_resolved, load_config
-from ribbon_cli.store import Run, log
+from ribbon_cli.store import Run, StateRecord, encode, log
 from ribbon_cli.store.folder import state_entry, state_name
 from ribbon_cli.store.preamble import block_size, check_seal, seal
+from ribbon_cli.store.summaries import describe
 from ribbon_cli.study import plan_of, solve_config
 
 DOCUMENT = Path(__file__).parents[1] / "docs" / "benchmarks-store.md"
@@ -23,16 +26,19 @@ REPEATS = 5
 CONFIG = """\
 name: big
 topology: {{half_twists: 0}}
-initial_guess: {{recipe: cylinder, segments: 8, half_width: 0.1}}
+initial_guess: {{recipe: cylinder, segments: 8, half_width: {half_width!r}}}
 widths: {widths}
 spectrum: {{modes: 0, full_up_to: 0}}
 """
 
 
 def make_run(folder: Path, states: int = STATES) -> Run:
-    """A finished run of so many widths; each file is the first one's with the head of its own state."""
+    """A finished run of so many widths.
+
+    The last state but one is what it says; each other file is the first one's with the head of its own state.
+    """
     first = folder / "first.yaml"
-    first.write_text(CONFIG.format(widths="[0.1]"), encoding="utf-8")
+    first.write_text(CONFIG.format(half_width=0.1, widths="[0.1]"), encoding="utf-8")
     done = solve_config(load_config(first), folder / "first")
     data = done.run.state_path(1).read_bytes()
     summary = check_seal(data) or {}
@@ -40,18 +46,39 @@ def make_run(folder: Path, states: int = STATES) -> Run:
     image = bytes(size) + data[size:]
     path = folder / "big.yaml"
     widths = f"{{from: 0.1, to: 0.5, steps: {states - 1}}}"
-    path.write_text(CONFIG.format(widths=widths), encoding="utf-8")
+    path.write_text(CONFIG.format(half_width=0.1, widths=widths), encoding="utf-8")
     config = load_config(path)
     run = Run.create_or_open(folder / "runs", config.name, config.hash8(), config.text, dump_resolved(config))
     lines = []
     for label, stage in enumerate(plan_of(config).stages, start=1):
         state = summary | {"label": label, "half_width": stage.half_width, "stage": stage.name}
-        file = seal(image, state)
+        if label == states - 1:
+            record = _solved(folder, stage.half_width or 0.0)
+            state = describe(replace(record, label=label, stage=stage.name))
+            file = encode(replace(record, label=label, stage=stage.name))
+        else:
+            file = seal(image, state)
         (run.path / state_name(label)).write_bytes(file)
         lines.append(log.format_line(state_entry(state, file)))
     with open(run.log_path, "ab") as stream:
         stream.write(b"".join(lines))
     return run
+
+
+def _solved(folder: Path, half_width: float) -> StateRecord:
+    """A state of that width."""
+    path = folder / "one.yaml"
+    path.write_text(CONFIG.format(half_width=half_width, widths=f"[{half_width!r}]"), encoding="utf-8")
+    return solve_config(load_config(path), folder / "one").run.load(1)
+
+
+def forget_last(run: Run, label: int) -> None:
+    """Take a run back to where its last state was not committed yet."""
+    lines = run.log_path.read_bytes().splitlines(keepends=True)
+    while run.state_path(label).exists():
+        if lines.pop().startswith(b'{"event":"state"'):
+            run.state_path(label).unlink()
+    run.log_path.write_bytes(b"".join(lines))
 
 
 def processor() -> float:
@@ -60,10 +87,13 @@ def processor() -> float:
     return used.ru_utime + used.ru_stime
 
 
-def seconds(folder: Path, *words: str, repeats: int = REPEATS) -> tuple[float, float]:
+def seconds(
+    folder: Path, *words: str, repeats: int = REPEATS, prepare: Callable[[], None] = lambda: None
+) -> tuple[float, float]:
     """Median time of a command line from the start of Python to its end, and of processor in it."""
     times, busy = [], []
     for _ in range(repeats):
+        prepare()
         started, before = time.perf_counter(), processor()
         done = subprocess.run(
             [sys.executable, "-m", "ribbon_cli", *words], cwd=folder, capture_output=True, check=False
@@ -87,6 +117,11 @@ def measure(folder: Path, states: int = STATES) -> list[tuple[str, tuple[float, 
         ("`ribbon path RUN:LABEL`", seconds(folder, "path", last), 1.0),
         ("`ribbon path RUN@b=...`", seconds(folder, "path", "big@b=0.5"), 1.0),
         ("`ribbon solve` of the finished run", seconds(folder, "solve", "big.yaml", "-q"), 1.0),
+        (
+            "`ribbon solve` with the last state to compute and commit",
+            seconds(folder, "solve", "big.yaml", "-q", prepare=lambda: forget_last(run, states)),
+            None,
+        ),
     ]
     run.log_path.unlink()
     rows.append(("`ribbon repair` without a log", seconds(folder, "repair", "big", repeats=1), 20.0))

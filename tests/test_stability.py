@@ -18,8 +18,9 @@ from ribbon_cli.solver.inertia import Inertia
 from ribbon_cli.solver.prolongation import Phase
 from ribbon_cli.solver.spectra import Spectrum, lowest_spectrum
 from ribbon_cli.store import Run, StateRecord
+from ribbon_cli.study.clock import Clock
 from ribbon_cli.study.mode_limits import run_spectra, spectral_convergence
-from ribbon_cli.study.records import Clock, Reached, build_record
+from ribbon_cli.study.records import Reached, build_record
 from ribbon_cli.study.stability import Stability, document_of, stability_of
 from ribbon_cli.study.verdict import Mode, judge
 

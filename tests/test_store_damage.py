@@ -71,7 +71,7 @@ def test_truncated_files_are_refused(path, keep):
 
 def test_missing_file_and_folder_are_refused(tmp_path):
     refused(tmp_path / "none.h5", "cannot be read: No such file")
-    refused(tmp_path, "cannot be read")
+    refused(tmp_path, "not a file")
 
 
 def test_file_larger_than_any_state_is_refused(path, monkeypatch):

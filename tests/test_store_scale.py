@@ -27,14 +27,24 @@ from ribbon_cli.study.progress import Silence
 
 STATES = 5000
 OPENED: list[str] = []
+OPENING: list[str] = []
 WATCH: list[Path] = []
 
 
 def _note(event: str, arguments: tuple) -> None:
-    if event == "open" and WATCH and isinstance(arguments[1], str) and not isinstance(arguments[0], int):
-        path = os.fsdecode(arguments[0])
-        if path.startswith(str(WATCH[0])) and not os.path.isdir(path):
-            OPENED.append(path)
+    """Note a file that is opened by `open`, or by `os.open` for reading alone."""
+    if event != "open" or not WATCH or isinstance(arguments[0], int):
+        return
+    path, mode, flags = os.fsdecode(arguments[0]), arguments[1], arguments[2]
+    if not path.startswith(str(WATCH[0])) or os.path.isdir(path):
+        return
+    if isinstance(mode, str):
+        OPENED.append(path)
+        OPENING.append(path)  # whose opener may be `os.open`
+    elif path not in OPENING and flags & os.O_ACCMODE == os.O_RDONLY:
+        OPENED.append(path)
+    else:
+        OPENING.clear()
 
 
 sys.addaudithook(_note)

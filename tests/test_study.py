@@ -96,7 +96,7 @@ def test_a_step_that_fails_is_halved_and_reported(tmp_path: Path, monkeypatch: p
     from dataclasses import replace
 
     from ribbon_cli.solver.status import Status
-    from ribbon_cli.study import solve as module
+    from ribbon_cli.study import stepping as module
 
     honest = module.to_width
 
@@ -153,7 +153,7 @@ def test_a_width_out_of_reach_is_a_failure_that_names_itself(
     from dataclasses import replace
 
     from ribbon_cli.solver.status import Status
-    from ribbon_cli.study import solve as module
+    from ribbon_cli.study import stepping as module
 
     honest = module.to_width
 
@@ -180,7 +180,7 @@ def test_a_schedule_that_ended_does_not_come_back(tmp_path: Path, monkeypatch: p
     from dataclasses import replace
 
     from ribbon_cli.solver.status import Status
-    from ribbon_cli.study import solve as module
+    from ribbon_cli.study import stepping as module
 
     honest = module.to_width
 

@@ -26,13 +26,18 @@ _LEFT = frozenset(
 
 def columns(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """Aligned columns under `heads`, two spaces apart."""
-    lines = [tuple(heads), *(tuple(map(visible, row)) for row in rows)]
+    lines = [tuple(heads), *map(_visible_row, rows)]
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
     form = "  ".join(
         f"{{:{'<' if head in _LEFT else '>'}{width}}}" for head, width in zip(heads, widths, strict=True)
     )
     text = [form.format(*line).rstrip() for line in lines]
     return "\n".join(text)
+
+
+def _visible_row(row: Sequence[str]) -> Sequence[str]:
+    """A row's texts, made visible where one of them needs it; of thousands of rows hardly any does."""
+    return row if "".join(row).isprintable() else tuple(map(visible, row))
 
 
 def number(value: float | int | None, spec: str = "") -> str:

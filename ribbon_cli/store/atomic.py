@@ -97,7 +97,7 @@ def is_temporary(name: str) -> bool:
     return _NAMED.fullmatch(name) is not None
 
 
-def without_waiting(path: str, flags: int) -> int:
+def without_waiting(path: str | Path, flags: int) -> int:
     """Open a file, as `opener` of `open`; of a pipe, do not wait for its writer."""
     return os.open(path, flags | os.O_NONBLOCK)
 

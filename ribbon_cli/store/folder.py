@@ -54,16 +54,16 @@ def state_name(label: int) -> str:
     return f"{STATES}/{label:04d}.h5"
 
 
-def label_of(path: Path) -> int | None:
+def label_of(name: str) -> int | None:
     """Label in the name of a state's file, None for any other name."""
-    match = _STATE_FILE.fullmatch(path.name)
-    return int(match[1]) if match and int(match[1]) > 0 and path.name == f"{int(match[1]):04d}.h5" else None
+    match = _STATE_FILE.fullmatch(name)
+    return int(match[1]) if match and int(match[1]) > 0 and name == f"{int(match[1]):04d}.h5" else None
 
 
 def state_files(folder: Path) -> dict[int, Path]:
     """Files of a run's states by label, ascending. Raises OSError."""
-    found = {label_of(path): path for path in (folder / STATES).iterdir()}
-    return {label: found[label] for label in sorted(label for label in found if label is not None)}
+    labels = filter(None, map(label_of, os.listdir(folder / STATES)))
+    return {label: folder / state_name(label) for label in sorted(labels)}
 
 
 def state_entry(state: Mapping[str, Any], data: bytes) -> dict[str, Any]:

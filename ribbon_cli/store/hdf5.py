@@ -194,13 +194,18 @@ def decode(path: str | Path) -> StateRecord:
 def read_bytes(path: str | Path) -> bytes:
     """Return a file's bytes. Raises StoreError when it cannot be read or is larger than any state file."""
     try:
-        with open(path, "rb", opener=without_waiting) as file:
-            found = os.fstat(file.fileno())
+        descriptor = without_waiting(path, os.O_RDONLY | os.O_CLOEXEC)  # thousands of files: `open` is slower
+        try:
+            found = os.fstat(descriptor)
             if not stat.S_ISREG(found.st_mode):
                 raise StoreError(f"{path}: not a file")
-            size = found.st_size
             # Asked for more, Python would make room for it first.
-            data = file.read(min(size, MAX_BYTES) + 1)
+            left = min(found.st_size, MAX_BYTES) + 1
+            data = os.read(descriptor, left)
+            while more := os.read(descriptor, left - len(data)):
+                data += more
+        finally:
+            os.close(descriptor)
     except OSError as error:
         raise StoreError(f"{path}: cannot be read: {error.strerror}") from error
     if len(data) > MAX_BYTES:

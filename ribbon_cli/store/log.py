@@ -8,14 +8,15 @@ anywhere else is an error.
 
 from __future__ import annotations
 
+import gc
 import json
 import math
 import os
 import re
 import stat
 import zlib
-from collections.abc import Iterable
-from contextlib import suppress
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -115,6 +116,18 @@ def read_lines(path: Path, start: int = 0) -> list[bytes]:
     return data.split(b"\n")[:-1]
 
 
+@contextmanager
+def _all_is_kept() -> Iterator[None]:
+    """Leave out the search for cyclic garbage, which takes longer the more there is: entries have none."""
+    was_on = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_on:
+            gc.enable()
+
+
 class LogReader:
     """A log's entries, of which only those are read that were appended since they were last asked for."""
 
@@ -153,16 +166,17 @@ class LogReader:
         lines = read_lines(self.path, self._end - len(self._last))
         if self._last and (not lines or lines.pop(0) + b"\n" != self._last):
             return False
-        for line in lines[:-1] if lines and b"\0" in lines[-1] else lines:
-            number = len(self._entries) + 1
-            try:
-                self._entries.append(parse_line(line))
-            except ValueError as error:
-                raise StoreError(
-                    f"{self.path}:{number}: damaged line: {error}; {_advice(self.path)}"
-                ) from error
-            self._last = line + b"\n"
-            self._end += len(self._last)
+        with _all_is_kept():
+            for line in lines[:-1] if lines and b"\0" in lines[-1] else lines:
+                number = len(self._entries) + 1
+                try:
+                    self._entries.append(parse_line(line))
+                except ValueError as error:
+                    raise StoreError(
+                        f"{self.path}:{number}: damaged line: {error}; {_advice(self.path)}"
+                    ) from error
+                self._last = line + b"\n"
+                self._end += len(self._last)
         return True
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Collection
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -29,17 +29,15 @@ from ribbon_cli.store.record import StateRecord
 from ribbon_cli.store.summaries import describe
 
 
-def sweep(folder: Path) -> list[str]:
+def sweep(folder: Path, events: Sequence[Mapping[str, Any]]) -> list[str]:
     """Clear what a killed writer left in a run's folder, and return a line for each thing done.
 
-    Temporary files go; a torn last line of the log is cut off; a whole state without a line is adopted; a
-    file that has the name of a state, no line and no whole state in it is renamed to *.damaged-K. What was
-    done is logged. Raises StoreError for a damaged log, for a committed state or a config file that is not
-    there as it was, or when the folder cannot be written.
+    `events` are the log's, read under the lock. Temporary files go; a torn last line of the log is cut off; a
+    whole state without a line is adopted; a file that has the name of a state, no line and no whole state in
+    it is renamed to *.damaged-K. What was done is logged. Raises StoreError for a committed state or a config
+    file that is not there as it was, or when the folder cannot be written.
     """
     notes: list[str] = []
-    # A newer program's run is not ours to put in order.
-    events = _read_log(folder)
     try:
         os.makedirs(folder / STATES, exist_ok=True)
         for place in (folder, folder / STATES):
@@ -51,9 +49,14 @@ def sweep(folder: Path) -> list[str]:
     if log.cut_torn_line(folder / LOG):
         notes.append("cut off an unfinished line of the log")
     known = {entry["state"]["label"] for entry in events if entry["event"] == "state"}
-    adopted, more = _adopt(folder, known)
+    files = _files(folder)
+    adopted, more = _adopt(files, known)
     notes += more
-    _require_files(folder, known)
+    for label in sorted(known - files.keys())[:1]:
+        raise StoreError(
+            f"{folder / state_name(label)}: missing, though it was committed; "
+            f"`ribbon repair {folder.name}` marks it as lost, and it will be computed again"
+        )
     configs.require(folder, events)
     if notes:
         # One by one: each is whole, or the last.
@@ -62,28 +65,10 @@ def sweep(folder: Path) -> list[str]:
     return notes
 
 
-def _read_log(folder: Path) -> list[dict[str, Any]]:
-    """The events of a run's log. Raises StoreError for a damaged one, and for a run of a newer format."""
-    events = log.read_log(folder / LOG)
-    for event in events:
-        if event["event"] == "created":
-            check_run_version(folder, event)
-    return events
-
-
-def _require_files(folder: Path, known: set[int]) -> None:
-    """Refuse to go on where a committed state's file is gone. Raises StoreError."""
-    for label in sorted(known - _files(folder).keys())[:1]:
-        raise StoreError(
-            f"{folder / state_name(label)}: missing, though it was committed; "
-            f"`ribbon repair {folder.name}` marks it as lost, and it will be computed again"
-        )
-
-
-def _adopt(folder: Path, known: set[int]) -> tuple[list[dict[str, Any]], list[str]]:
+def _adopt(files: Mapping[int, Path], known: set[int]) -> tuple[list[dict[str, Any]], list[str]]:
     """Entries for whole states that are not known, and notes; what is no whole state is renamed."""
     entries, notes = [], []
-    for label, path in _files(folder).items():
+    for label, path in files.items():
         if label in known:
             continue
         try:
@@ -170,7 +155,7 @@ def repair(folder: Path) -> list[str]:
         kept.append(entry)
         notes += [note] if note else []
     known = {entry["state"]["label"] for entry in kept if entry["event"] == "state"}
-    adopted, more = _adopt(folder, known)
+    adopted, more = _adopt(_files(folder), known)
     notes += more
     if notes:
         done = {"event": "rebuilt", "time": log.utc_now(), "notes": notes}

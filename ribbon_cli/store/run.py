@@ -56,6 +56,7 @@ class Run:
         self._entries: dict[int, dict[str, Any]] = {}
         self._indexed = 0
         self._next = 0
+        self._compared: dict[int, str] = {}
         self.remarks: list[str] = []
         """What the last `writing()` found left by others, and did about it."""
 
@@ -126,7 +127,7 @@ class Run:
     def label_of(self, path: str | Path) -> int | None:
         """Label of a state's file by its name, None when it is not one of this run's."""
         path = Path(path)
-        return label_of(path) if path.resolve().parent == (self.path / STATES).resolve() else None
+        return label_of(path.name) if path.resolve().parent == (self.path / STATES).resolve() else None
 
     def holder(self) -> dict[str, Any]:
         """Who writes to the run now, as pid, host and since; empty if nobody does. Takes no lock."""
@@ -182,10 +183,13 @@ class Run:
     def look_up(self, label: int) -> StateRecord:
         """A state whose file is taken apart only when more than its summary is asked for.
 
-        Raises UsageError, StoreError where the file is not what was committed.
+        Its hash is compared the first time. Raises UsageError, StoreError where the file is not what was
+        committed.
         """
-        entry = self._entry(label)
-        self.committed_bytes(label, entry)
+        entry = self._entries.get(label) or self._entry(label)  # what was committed stays as it is
+        if self._compared.get(label) != entry["sha256"]:
+            self.committed_bytes(label, entry)
+            self._compared[label] = entry["sha256"]
         return StoredRecord.of(entry["state"], lambda: self.load_entry(label, entry))
 
     def _entry(self, label: int) -> dict[str, Any]:
@@ -258,7 +262,7 @@ class Run:
             yield self
             return
         with self._locked():
-            self.remarks += sweep(self.path)
+            self.remarks += sweep(self.path, self.events())
             self._next = self._find_next_label()
             yield self
 
@@ -277,7 +281,7 @@ class Run:
         return (
             self._log.torn
             or any(name.startswith(TEMPORARY) for name in here)
-            or any(name.startswith(TEMPORARY) or label_of(Path(name)) is not None for name in unknown)
+            or any(name.startswith(TEMPORARY) or label_of(name) is not None for name in unknown)
         )
 
     @property
@@ -326,7 +330,7 @@ class Run:
     def sweep(self) -> list[str]:
         """Clear what a killed writer left, and say what was done; `writing()` does so on entry."""
         with self._locked():
-            return sweep(self.path)
+            return sweep(self.path, self.events())
 
     def set_aside(self) -> Path:
         """Rename the folder to NAME-HASH8.old-K, so that a fresh run can take its name; return the new path.

@@ -12,11 +12,9 @@ from ..recipes.twist import TURNED_OVER, TwistStage
 from ..solver.newton import Options, solve
 from ..solver.status import Result, Status
 from ..store import StateRecord
+from .plan import MOST_HALVINGS
 from .records import multipliers_of, state_of
 from .steps import Steps
-
-MOST_HALVINGS = 8
-"""A step is given up when 1/256 of it fails too."""
 
 Stage = TwistStage | EversionStage
 

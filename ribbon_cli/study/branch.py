@@ -21,10 +21,11 @@ from ..solver.branch_switch import switch
 from ..solver.linear import FactorisationError
 from ..solver.singular import lowest_mode, with_multipliers
 from ..store import BranchRecord, StateRecord, summary
+from .acceptance import checked
 from .branch_tables import ENDED, course_point, courses
-from .journal import checked
+from .clock import Clock
 from .outcome import Course
-from .records import Clock, multipliers_of, state_of
+from .records import multipliers_of, state_of
 from .repetition import TURNING, repeated, turns
 from .steps import Steps
 

@@ -18,8 +18,9 @@ from ..recipes.schoenke import schoenke
 from ..solver.status import Result, Status
 from ..store import StateRecord
 from .auxiliary import Turning
+from .clock import Clock
 from .plan import CONSTRUCTION, QUARTERS, turn_names
-from .records import Clock, Reached, state_of
+from .records import Reached, state_of
 from .steps import Steps
 
 

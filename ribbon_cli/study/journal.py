@@ -1,7 +1,7 @@
 """The run as a sequence of finished stages: what is stored is not computed again.
 
 Every stage is a function of stored states alone, so that a run that was interrupted and resumed ends with
-the same bytes as one that was not.
+the same bytes as one that was not. What it takes to compute a stage is imported when there is one to compute.
 """
 
 from __future__ import annotations
@@ -9,23 +9,19 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from functools import lru_cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from ..config import SpectrumRequest
 from ..errors import LockedError, StoreError
-from ..model.band import State
-from ..model.topology import Linking, linking_number
-from ..recipes.eversion import not_everted
-from ..solver.newton import Options
-from ..solver.status import STATIONARY, Result, SaddleMet, Status
 from ..store import Run, StateRecord
 from ..store.provenance import config_facts
+from .clock import Clock, Origin
 from .outcome import Outcome
 from .progress import Progress, Recording
-from .records import Clock, Origin, Reached, build_record, saddle_result
+
+if TYPE_CHECKING:
+    from ..config import SpectrumRequest
+    from ..solver.status import SaddleMet
+    from .records import Reached
 
 
 class NotStoredError(Exception):
@@ -83,6 +79,20 @@ class Journal:
         label = self._ends.get(stage)
         return None if label is None else self.run.look_up(label)
 
+    def ancestry(self, stage: str) -> list[StateRecord]:
+        """The states that led to a stage's end, the first of them first and that end last.
+
+        Empty where one of them is not stored. A parent's label is smaller than its child's.
+        """
+        label, entries = self._ends.get(stage), self.run.entries()
+        line: list[StateRecord] = []
+        while label is not None:
+            if label not in entries or (line and label >= line[-1].label):
+                return []
+            line.append(self.run.look_up(label))
+            label = line[-1].parent
+        return line[::-1]
+
     def stages(self, prefix: str) -> list[str]:
         """Names of the finished stages that begin with `prefix`, in the order stored."""
         found = [(label, name) for name, label in self._ends.items() if name.startswith(prefix)]
@@ -122,6 +132,8 @@ class Journal:
         spectrum: SpectrumRequest | None,
     ) -> StateRecord:
         """Commit the saddles that were met in a stage, then the state that ends it."""
+        from .records import saddle_result
+
         for met in saddles[self._saddles.get(reached.stage, 0) :]:
             self._commit(
                 replace(
@@ -151,59 +163,9 @@ class Journal:
         spectrum: SpectrumRequest | None,
         changes: Mapping[str, Any] | None = None,
     ) -> StateRecord:
+        from .records import build_record
+
         record = replace(build_record(self.run.next_label, reached, clock, spectrum), **(changes or {}))
         self.run.commit(record)
         self.new_states += 1
         return record
-
-
-def options_for(half_twists: int, progress: Progress) -> Options:
-    """Options of a solve with a closed seam: it must keep its linking number."""
-    return Options(guard=_linking_guard(half_twists), watch=progress.step)
-
-
-def _linking_guard(half_twists: int) -> Callable[[State], str | None]:
-    def check(state: State) -> str | None:
-        try:
-            found = _linking_of(state).linking_number
-        except ValueError:
-            return None  # sum u is not zero between iterates; the state that ends a stage is checked again
-        if abs(found - 0.5 * half_twists) > 0.25:
-            return f"(Lk = {found:.6g} in place of {half_twists / 2:g}.)"
-        return None
-
-    return check
-
-
-def _linking_of(state: State) -> Linking:
-    return _linking(state.u.tobytes(), state.g.tobytes(), state.band.sigma, state.band.h)
-
-
-@lru_cache(maxsize=1)
-def _linking(u: bytes, g: bytes, sigma: int, h: float) -> Linking:
-    """The linking number; the state that the guard saw last is the one that is checked next."""
-    return linking_number(np.frombuffer(u).reshape(-1, 3), np.frombuffer(g).reshape(-1, 3), sigma, h)
-
-
-def checked(result: Result, half_twists: int, *, everted: bool = False) -> Result:
-    """A converged result, or the same with its status changed if it is not the band asked for.
-
-    Of an `everted` cylinder, which the linking number does not tell from a ring, the inflections count too.
-    """
-    if not converged(result):
-        return result
-    state = result.state
-    try:
-        found = _linking_of(state)
-    except ValueError as error:
-        return replace(result, status=Status.LEFT_TOPOLOGY, detail=f"(No linking number: {error}.)")
-    if not found.exact or abs(found.linking_number - 0.5 * half_twists) > 1e-6:
-        detail = f"(Lk = {found.linking_number:.9g} in place of {half_twists / 2:g}.)"
-        return replace(result, status=Status.LEFT_TOPOLOGY, detail=detail)
-    misfit = not_everted(state) if everted else None
-    return replace(result, status=Status.OTHER_SHAPE, detail=misfit) if misfit else result
-
-
-def converged(result: Result) -> bool:
-    """Whether a result is a stationary band of the right topology, certified or not."""
-    return result.status in STATIONARY

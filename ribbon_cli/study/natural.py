@@ -9,8 +9,8 @@ from ..solver.branch import End, Reason
 from ..solver.continuation import to_width
 from ..solver.status import Status
 from ..store import StateRecord
-from .auxiliary import MOST_HALVINGS
 from .outcome import Course, CoursePoint
+from .plan import MOST_HALVINGS
 from .records import multipliers_of, state_of
 from .steps import Steps
 

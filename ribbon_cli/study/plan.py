@@ -38,6 +38,8 @@ class Plan:
     notes: tuple[str, ...]
 
 
+MOST_HALVINGS = 8
+"""A step is given up when 1/256 of it fails too."""
 QUARTERS = 4
 """Steps of the half-turn of an eversion that are kept, the first being the band cut, the last rejoined."""
 REJOINED = "halves rejoined"
@@ -74,6 +76,16 @@ def refinement_name(half_width: float, segments: int, visit: int = 1) -> str:
     return f"{width_name(half_width, visit)}, refined to N = {segments}"
 
 
+def width_steps(here: float, half_width: float, visit: int) -> list[tuple[str, float]]:
+    """Stage names and widths to try on the way to a width: all the way, half of it, a quarter, ..."""
+    goal = width_name(half_width, visit)
+    out = [(goal, half_width)]
+    for j in range(1, MOST_HALVINGS + 1):
+        part = here + (half_width - here) / 2**j
+        out.append((f"{width_name(part)} on the way to {goal}", part))
+    return out
+
+
 def refined_at(config: Config, half_width: float) -> tuple[int, ...]:
     """Levels beyond the first that a width is refined to."""
     at = config.refinement.at
@@ -92,6 +104,13 @@ def start_name(config: Config) -> str:
     return names[config.guess.recipe]
 
 
+def start_kind(config: Config, half_width: float | None) -> str:
+    """Kind of the freed guess: an equilibrium where its width is the first that the config names."""
+    widths = config.widths
+    named = not widths or (half_width is not None and math.isclose(widths[0], half_width, rel_tol=1e-9))
+    return "equilibrium" if named else "intermediate"
+
+
 def plan_of(config: Config, given: tuple[float, int] | None = None) -> Plan:
     """Resolve a config into its stages; `given`: half-width and segments of the state that it starts from."""
     guess = config.guess
@@ -108,10 +127,9 @@ def plan_of(config: Config, given: tuple[float, int] | None = None) -> Plan:
     if guess.recipe == "schoenke":
         stages.append(PlannedStage(CONSTRUCTION, "auxiliary", guess.half_width, first))
     widths = config.widths
-    named = not widths or (half_width is not None and math.isclose(widths[0], half_width, rel_tol=1e-9))
-    stages.append(
-        PlannedStage(start_name(config), "equilibrium" if named else "intermediate", half_width, first)
-    )
+    kind = start_kind(config, half_width)
+    named = kind == "equilibrium"
+    stages.append(PlannedStage(start_name(config), kind, half_width, first))
     places: list[tuple[float | None, int]] = [*visits(widths)] or [(half_width, 1)]
     for k, (b, visit) in enumerate(places):
         if not (k == 0 and named):

@@ -1,4 +1,9 @@
-"""Runs the stages of a config: guess, widths, refinement. The same call again resumes."""
+"""Runs the stages of a config: guess, widths, refinement. The same call again resumes.
+
+Here is what comes next, by what is stored; the rest is computed elsewhere: the guess in guess.py, a step in
+width in stepping.py, a branch in branch.py. They are imported when there is something to compute, so that a
+finished run of thousands of states is passed over without NumPy.
+"""
 
 from __future__ import annotations
 
@@ -6,33 +11,30 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ..config import Arclength, Config, dump_resolved
 from ..errors import UsageError
-from ..model.band import Band, Discretisation, State
-from ..model.problem import Problem
-from ..recipes.cylinder import cylinder
-from ..recipes.eversion import not_everted
-from ..recipes.twist import twist_stage, twist_stages
-from ..solver.arclength import nearest
-from ..solver.continuation import Move, to_width
-from ..solver.newton import solve
-from ..solver.status import Result, Status
-from ..solver.tracking import PARTS
 from ..store import Run, StateRecord, configs
 from ..store.folder import is_run
-from .auxiliary import MOST_HALVINGS, Turning
-from .branch import Branches
-from .constructions import construct, evert
-from .contact import locate_contact
-from .given import given_state, refused
-from .journal import converged, run_or_read
+from .journal import run_or_read
 from .nearest import what_changed
 from .outcome import Course, Outcome, Target
-from .plan import guess_notes, plan_of, refined_at, refinement_name, start_name, visits, width_name
+from .plan import (
+    guess_notes,
+    plan_of,
+    refined_at,
+    refinement_name,
+    start_name,
+    visits,
+    width_name,
+    width_steps,
+)
 from .progress import Progress, Silence
-from .records import Clock, multipliers_of, saddle_result, state_of
 from .steps import Steps
+
+if TYPE_CHECKING:
+    from ..model.band import State
 
 
 def solve_config(
@@ -51,7 +53,11 @@ def solve_config(
     are in the outcome, and the run's log keeps which. Raises UsageError for a given state that does not fit
     (before any run folder is made), StoreError, LockedError.
     """
-    given = given_state(config, references or root) if config.guess.recipe == "state" else None
+    given = None
+    if config.guess.recipe == "state":
+        from .given import given_state
+
+        given = given_state(config, references or root)
     changed = what_changed(config, root)
     run = _open(config, root)
     if fresh and (run.entries() or any(configs.differing(run.path, configs.committed(run.events())))):
@@ -132,113 +138,42 @@ class _Study:
             tuple(self.courses),
         )
 
-    # --- the initial guess ---
-
     def _start(self) -> StateRecord | None:
         """The freed guess, or None with `stopped` set."""
         for note in guess_notes(self.config):
             self.journal.note(note)
-        if self.given is not None:
-            state, name = self.given
-            return self._free(state, None, f"from {name}", parent_ref=name)
-        guess = self.config.guess
-        assert guess.segments is not None
-        assert guess.half_width is not None
-        band = Band(
-            guess.segments,
-            guess.half_width,
-            self.config.length,
-            -1 if self.config.half_twists % 2 else 1,
-            Discretisation(self.config.discretisation),
-        )
-        ring = cylinder(band)
-        if guess.recipe == "cylinder":
-            return self._free(ring, None, "discrete cylinder, (3.4)-(3.5)")
-        if guess.recipe == "eversion":
-            joined = evert(self.steps, ring, guess.steps or 1)
-            if isinstance(joined, str):
-                self._stop(joined)
-                return None
-            return self._free(state_of(joined), joined.label, "rejoined band freed")
-        if guess.recipe == "schoenke":
-            made = construct(self.steps, band, self.config.half_twists)
-            if isinstance(made, str):
-                self._stop(made)
-                return None
-            return self._free(state_of(made), made.label, "construction freed")
-        return self._twisted(ring, guess.steps or 1)
+        stage, given = start_name(self.config), self.given
+        record = self._stored_start(stage)
+        if record is None:
+            from .guess import freed_guess
 
-    def _twisted(self, ring: State, count: int) -> StateRecord | None:
-        """The band twisted step by step and freed, or None with `stopped` set."""
-        half_twists = self.config.half_twists
-        turning = Turning(self.steps, ring, "twist", lambda index: twist_stage(half_twists, index, count))
-        last = turning.run(twist_stages(half_twists, count))
-        if isinstance(last, str):
-            self._stop(last)
-            return None
-        return self._free(state_of(last), last.label, "seam closed and freed")
+            found = freed_guess(self.steps, self.config, given)
+            if isinstance(found, str):
+                self._stop(found)
+                return None
+            record = found
+        if given is not None and record.parent_ref != given[1]:
+            from .given import refused
 
-    def _free(
-        self, state: State, parent: int | None, method: str, parent_ref: str | None = None
-    ) -> StateRecord | None:
-        """The equilibrium next to a guess; saddles on the way are left."""
-        stage, band = start_name(self.config), state.band
-        widths = self.config.widths
-        named = not widths or math.isclose(widths[0], band.half_width, rel_tol=1e-9)
-        kind = "equilibrium" if named else "intermediate"
-        self.steps.begin(stage, band.half_width, band.segments)
-        record = self.journal.finished(stage)
-        if record is not None and record.parent_ref != parent_ref:
             raise refused(
                 self.config,
-                f"now {parent_ref}, but this run started from {record.parent_ref}: "
+                f"now {given[1]}, but this run started from {record.parent_ref}: "
                 f"give the config another name, or start over with --fresh",
-            )
-        if record is None:
-            clock = self.journal.clock()
-            problem = Problem(band)
-            if self.config.guess.keep_saddle:
-                result = self.steps.checked(nearest(state, self.steps.options.guard))
-            else:
-                result = self.steps.checked(solve(problem, state.vector(), None, self.steps.options))
-            if not converged(result):
-                result = self._saddle_left_in_vain(problem, result)
-            if not converged(result):
-                self._stop(f"{stage}: {result.message}")
-                return None
-            events = tuple(
-                f"met a saddle of index {s.index} at E = {s.energy:.12g}, left along its negative direction"
-                for s in result.saddles
-            )
-            self.steps.tell(stage, events)
-            record = self.steps.store(
-                problem,
-                result,
-                clock,
-                kind=kind,
-                stage=stage,
-                method=method,
-                parent=parent,
-                parent_ref=parent_ref,
-                events=events,
             )
         if not record.certified and not self._kept(record):
             self._stop(f"{stage}: {record.message}")
         return record
 
+    def _stored_start(self, stage: str) -> StateRecord | None:
+        """The freed guess, if it and all that led to it are stored."""
+        line = self.journal.ancestry(stage)
+        for record in line:
+            self.steps.begin(record.stage, record.half_width, record.segments)
+        return line[-1] if line else None
+
     def _kept(self, record: StateRecord) -> bool:
         """Whether this is a saddle at which the config asks to begin."""
-        return self.config.guess.keep_saddle and record.status == Status.SADDLE.value
-
-    def _saddle_left_in_vain(self, problem: Problem, result: Result) -> Result:
-        """The last saddle that was met, where leaving it led to no band of this kind; else the result."""
-        if not result.saddles:
-            return result
-        saddle = self.steps.checked(saddle_result(problem, result.saddles[-1]))
-        if not converged(saddle):
-            return result
-        detail = f"(Index {saddle.negative}; the way down from it ends in: {result.message})"
-        return replace(saddle, saddles=result.saddles[:-1], steps=result.steps, detail=detail)
+        return self.config.guess.keep_saddle and record.status == "saddle"
 
     # --- widths ---
 
@@ -266,27 +201,17 @@ class _Study:
             following = self._stored_step(current, b, visit) or self._step(current, b, visit)
             if following is None:
                 return current
-            beside = (refined_at(self.config, end) for end in (b, current.half_width))
-            found = locate_contact(self.steps, current, following, next(filter(None, beside), ()))
+            met = self._contact_between(current, following, b)
             current = following
             if current.self_contact and self.config.contact == "stop" and self.stopped is None:
-                self._stop_in_contact(found[0].half_width if found else current.half_width)
+                self._stop_in_contact(current.half_width if met is None else met)
             if current.kind == "equilibrium" or self.stopped is not None:
                 return current
-
-    def _candidates(self, current: StateRecord, b: float, visit: int) -> list[tuple[str, float]]:
-        """Stage names and widths to try from here: all the way, half of it, a quarter, ..."""
-        goal = width_name(b, visit)
-        out = [(goal, b)]
-        for j in range(1, MOST_HALVINGS + 1):
-            part = current.half_width + (b - current.half_width) / 2**j
-            out.append((f"{width_name(part)} on the way to {goal}", part))
-        return out
 
     def _stored_step(self, current: StateRecord, b: float, visit: int) -> StateRecord | None:
         goal = width_name(b, visit)
         # Most steps were not halved: the names of the halves are made where there was need of them.
-        candidates = [(goal, b)] if self.journal.has(goal) else self._candidates(current, b, visit)
+        candidates = [(goal, b)] if self.journal.has(goal) else width_steps(current.half_width, b, visit)
         for stage, width in candidates:
             record = self.journal.finished(stage)
             if record is not None:
@@ -297,58 +222,23 @@ class _Study:
         return None
 
     def _step(self, current: StateRecord, b: float, visit: int) -> StateRecord | None:
-        """Compute the longest step that works; None with `stopped` set if none does."""
-        state, multipliers = state_of(current), multipliers_of(current)
-        failures: list[str] = []
-        whole: tuple[Move, Result, Clock] | None = None
-        beyond: list[float] = []
-        candidates = list(enumerate(self._candidates(current, b, visit)))
-        for halvings, (stage, width) in candidates[self._first_candidate(current, b) :]:
-            self.steps.begin(stage, width, current.segments)
-            clock = self.journal.clock()
-            # Doubts are resolved down to one length, however often the step itself was halved.
-            parts = max(0, PARTS - halvings)
-            move = to_width(state, multipliers, width, self.steps.options, parts)
-            result = self.steps.checked(move.result)
-            if result.status is Status.MINIMUM:
-                kind = "equilibrium" if width == b else "intermediate"
-                return self.steps.store_move(
-                    move, result, clock, kind=kind, stage=stage, parent=current.label, failures=failures
-                )
-            whole = whole or (move, result, clock)
-            beyond += [width] if result.status is Status.LEFT_BRANCH else []
-            failures.append(
-                f"a step from b = {current.half_width:.12g} to {width:.12g} failed, halved: {result.message}"
-            )
-            self.journal.note(failures[-1])
-        assert whole is not None
-        move, result, clock = whole
-        if beyond:
-            near = 0.5 * (current.half_width + beyond[-1])
-            self._stop(
-                f"the branch seems to turn back (fold) near b = {near:.6g}: natural continuation towards "
-                f"b = {b:.12g} ends, its last state is {current.label} at b = {current.half_width:.12g}"
-            )
+        """The longest step towards a width that works, computed; `stopped` is set where none does."""
+        from .stepping import longest_step
+
+        following, why = longest_step(self.steps, current, b, visit)
+        if why is not None:
+            self._stop(why)
+        return following
+
+    def _contact_between(self, before: StateRecord, after: StateRecord, b: float) -> float | None:
+        """Half-width at which self-contact begins or ends on a step towards a width, where it does."""
+        if before.self_contact == after.self_contact:
             return None
-        self._stop(f"no step from b = {current.half_width:.12g} towards {b:.12g} succeeds. {result.message}")
-        if converged(result) and move.band.half_width == b:
-            return self.steps.store_move(
-                move, result, clock, kind="equilibrium", stage=width_name(b, visit), parent=current.label
-            )
-        return None
+        from .contact import locate_contact
 
-    def _first_candidate(self, current: StateRecord, b: float) -> int:
-        """Where to begin halving: at twice the step that led here, if that was a halved one.
-
-        Read off the stored states, so that a resumed run takes the same steps.
-        """
-        if current.kind != "intermediate" or current.parent is None or "on the way to" not in current.stage:
-            return 0
-        before = self.journal.run.load(current.parent)
-        last, left = abs(current.half_width - before.half_width), abs(b - current.half_width)
-        if last == 0.0 or left <= 2.0 * last * (1.0 + 1e-9):
-            return 0
-        return min(MOST_HALVINGS, math.ceil(math.log2(left / (2.0 * last)) - 1e-9))
+        beside = (refined_at(self.config, end) for end in (b, before.half_width))
+        found = locate_contact(self.steps, before, after, next(filter(None, beside), ()))
+        return found[0].half_width if found else None
 
     def _branches(self, start: StateRecord, request: Arclength) -> None:
         """The branch through the freed guess, and those that cross it if the config asks for them."""
@@ -359,6 +249,8 @@ class _Study:
             raise UsageError(f"widths.arclength.to: the start has b = {start.half_width:.12g} already")
         if self.config.contact == "stop" and "contact" not in request.stop_at:
             request = replace(request, stop_at=(*request.stop_at, "contact"))
+        from .branch import Branches
+
         branches = Branches(self.steps, request, start)
         self.courses = branches.courses
         branches.follow("branch")
@@ -401,6 +293,8 @@ def _is_everted(config: Config, given: tuple[State, str] | None) -> bool:
     """Whether the config is about an everted cylinder, by its recipe or by the state it starts from."""
     if given is None:
         return config.guess.recipe == "eversion"
+    from ..recipes.eversion import not_everted
+
     return config.half_twists == 0 and not_everted(given[0]) is None
 
 

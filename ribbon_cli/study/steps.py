@@ -1,20 +1,26 @@
-"""The steps that configs and `ribbon refine` share: a stage's end stored, a state refined."""
+"""The steps that configs and `ribbon refine` share: a stage's end stored, a state refined.
+
+As in the journal, model and solver are imported when there is something to compute.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cached_property
+from typing import TYPE_CHECKING
 
-from ..config import SpectrumRequest
-from ..model.folding import ClosureError
-from ..model.problem import Problem
-from ..solver.continuation import Move, to_segments
-from ..solver.kinship import another_minimum
-from ..solver.status import Result, Status
 from ..store import BranchRecord, Run, StateRecord
-from .journal import Journal, checked, converged, options_for
+from .clock import Clock, Origin
+from .journal import Journal
 from .progress import Progress
-from .records import Clock, Origin, Reached, state_of
+
+if TYPE_CHECKING:
+    from ..config import SpectrumRequest
+    from ..model.problem import Problem
+    from ..solver.continuation import Move
+    from ..solver.newton import Options
+    from ..solver.status import Result
 
 
 class Steps:
@@ -36,8 +42,14 @@ class Steps:
         self.everted = everted
         self.spectrum = spectrum
         self.progress = progress
-        self.options = options_for(half_twists, progress)
         self._total, self._index = total, 0
+
+    @cached_property
+    def options(self) -> Options:
+        """Options of a solve with a closed seam."""
+        from .acceptance import options_for
+
+        return options_for(self.half_twists, self.progress)
 
     def begin(self, stage: str, half_width: float, segments: int) -> None:
         """Announce a stage."""
@@ -51,6 +63,8 @@ class Steps:
 
     def checked(self, result: Result) -> Result:
         """The result with its status changed if it is not the band that this pass is about."""
+        from .acceptance import checked
+
         return checked(result, self.half_twists, everted=self.everted)
 
     def store(
@@ -68,6 +82,8 @@ class Steps:
         branch: BranchRecord | None = None,
     ) -> StateRecord:
         """Store a solve's end and the saddles it left; equilibria get their spectra."""
+        from .records import Reached
+
         reached = Reached(
             problem,
             result,
@@ -96,6 +112,9 @@ class Steps:
         failures: Sequence[str] = (),
     ) -> StateRecord:
         """Store the end of a step along a branch with what was met on the way."""
+        from ..model.problem import Problem
+        from ..solver.status import Status
+
         self.tell(stage, move.events)
         met = replace(result, saddles=move.saddles, steps=move.steps)
         if result.status is Status.SADDLE:
@@ -120,6 +139,12 @@ class Steps:
         if known is not None:
             return known
         clock = self.journal.clock()
+        from ..model.folding import ClosureError
+        from ..solver.continuation import to_segments
+        from ..solver.kinship import another_minimum
+        from .acceptance import converged
+        from .records import state_of
+
         try:
             move = to_segments(state_of(record), segments, self.options, splitting=splitting)
         except ClosureError as error:

@@ -80,7 +80,7 @@ def _one_energy(a: float | None, b: float | None) -> bool:
 def _compared(run: Run, coarse: Entry, fine: Entry) -> str:
     """The two states compared, where parentage does not tell: only then is SciPy waited for."""
     from ..solver.kinship import another_minimum
-    from .journal import options_for
+    from .acceptance import options_for
     from .progress import Silence
     from .records import state_of
 
