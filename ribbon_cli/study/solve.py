@@ -197,12 +197,13 @@ class _Study:
 
     def _reach(self, current: StateRecord, b: float, visit: int) -> StateRecord:
         """Continue to width b, halving steps that fail; the last state reached, `stopped` if it is not b."""
+        before: StateRecord | None = None
         while True:
-            following = self._stored_step(current, b, visit) or self._step(current, b, visit)
+            following = self._stored_step(current, b, visit) or self._step(before, current, b, visit)
             if following is None:
                 return current
             met = self._contact_between(current, following, b)
-            current = following
+            before, current = current, following
             if current.self_contact and self.config.contact == "stop" and self.stopped is None:
                 self._stop_in_contact(current.half_width if met is None else met)
             if current.kind == "equilibrium" or self.stopped is not None:
@@ -221,11 +222,13 @@ class _Study:
                 return record
         return None
 
-    def _step(self, current: StateRecord, b: float, visit: int) -> StateRecord | None:
+    def _step(
+        self, before: StateRecord | None, current: StateRecord, b: float, visit: int
+    ) -> StateRecord | None:
         """The longest step towards a width that works, computed; `stopped` is set where none does."""
         from .stepping import longest_step
 
-        following, why = longest_step(self.steps, current, b, visit)
+        following, why = longest_step(self.steps, before, current, b, visit)
         if why is not None:
             self._stop(why)
         return following

@@ -16,18 +16,19 @@ from .steps import Steps
 
 
 def longest_step(
-    steps: Steps, current: StateRecord, b: float, visit: int
+    steps: Steps, before: StateRecord | None, current: StateRecord, b: float, visit: int
 ) -> tuple[StateRecord | None, str | None]:
     """Compute and store the longest step towards width b that works; also why none does, if none does.
 
-    A state at b that is reached without a certificate is stored, and returned with that sentence.
+    `before` is the state from which a halved step towards b led to the current one, None if none did. A state
+    at b that is reached without a certificate is stored, and returned with that sentence.
     """
     state, multipliers = state_of(current), multipliers_of(current)
     failures: list[str] = []
     whole: tuple[Move, Result, Clock] | None = None
     beyond: list[float] = []
     candidates = list(enumerate(width_steps(current.half_width, b, visit)))
-    for halvings, (stage, width) in candidates[_first_candidate(steps, current, b) :]:
+    for halvings, (stage, width) in candidates[_first_candidate(before, current, b) :]:
         steps.begin(stage, width, current.segments)
         clock = steps.journal.clock()
         # Doubts are resolved down to one length, however often the step itself was halved.
@@ -62,14 +63,13 @@ def longest_step(
     return uncertified, why
 
 
-def _first_candidate(steps: Steps, current: StateRecord, b: float) -> int:
+def _first_candidate(before: StateRecord | None, current: StateRecord, b: float) -> int:
     """Where to begin halving: at twice the step that led here, if that was a halved one.
 
     Read off the stored states, so that a resumed run takes the same steps.
     """
-    if current.kind != "intermediate" or current.parent is None or "on the way to" not in current.stage:
+    if before is None:
         return 0
-    before = steps.journal.run.load(current.parent)
     last, left = abs(current.half_width - before.half_width), abs(b - current.half_width)
     if last == 0.0 or left <= 2.0 * last * (1.0 + 1e-9):
         return 0

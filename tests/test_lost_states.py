@@ -1,0 +1,107 @@
+"""States that were lost, marked as such by a repair, are computed again: the study ends as if nothing was lost."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from ribbon_cli.config import parse_config
+from ribbon_cli.report.comparison import compare_runs
+from ribbon_cli.solver.status import Status
+from ribbon_cli.store import Run
+from ribbon_cli.study import solve_config, stepping
+
+SPECTRUM = "spectrum: {modes: 0, full_up_to: 0}\n"
+
+# Of the twist's one step, and of the step in width, the whole fails and parts succeed.
+HALVED = """\
+name: halved
+topology: {half_twists: 1}
+initial_guess: {recipe: twist, segments: 20, half_width: 0.3, steps: 1}
+widths: [0.4]
+"""
+
+EVERTED = """\
+name: everted
+topology: {half_twists: 0}
+initial_guess: {recipe: eversion, segments: 40, half_width: 0.03, steps: 2}
+widths: [0.03]
+"""
+
+CONSTRUCTED = """\
+name: constructed
+topology: {half_twists: -3}
+initial_guess: {recipe: schoenke, segments: 24, half_width: 0.2}
+widths: [0.2, 0.25]
+refinement: [24, 48]
+"""
+
+
+@pytest.fixture
+def short_steps(monkeypatch):
+    """Steps of more than 0.06 in b fail."""
+    honest = stepping.to_width
+
+    def fragile(state, multipliers, half_width, *rest):
+        move = honest(state, multipliers, half_width, *rest)
+        if abs(half_width - state.band.half_width) > 0.06:
+            return replace(move, result=replace(move.result, status=Status.ITERATION_LIMIT))
+        return move
+
+    monkeypatch.setattr(stepping, "to_width", fragile)
+
+
+def stages(run: Run) -> dict[str, int]:
+    """Labels of the states that end stages, by stage."""
+    return {state["stage"]: state["label"] for state in run.states(all=True) if state["kind"] != "saddle"}
+
+
+def lose(run: Run, *labels: int) -> None:
+    for label in labels:
+        run.state_path(label).unlink()
+    assert run.repair() == [f"states/{label:04d}.h5 is missing: marked as lost" for label in labels]
+
+
+@pytest.mark.parametrize("text", [HALVED, EVERTED, CONSTRUCTED], ids=["twist", "eversion", "schoenke"])
+def test_whichever_state_is_lost_the_study_ends_the_same(text, tmp_path, short_steps, monkeypatch):
+    config = parse_config(text + SPECTRUM, "band.yaml")
+    whole = solve_config(config, tmp_path / "whole").run
+    for stage, label in stages(whole).items():
+        root = tmp_path / f"without-{label}"
+        shutil.copytree(tmp_path / "whole", root)
+        run = Run.open(root / whole.name)
+        lose(run, label)
+        again = solve_config(config, root)
+        assert again.failures == (), stage
+        # A halved step on the way to what is there is not needed any more.
+        assert again.new_states == ("0.25/1" not in stage and "0.625/1" not in stage and "way" not in stage)
+        pairs = compare_runs(whole, Run.open(run.path))
+        assert all(pair.equal for pair in pairs if pair.stage != stage or again.new_states), stage
+        with monkeypatch.context() as patch:
+            patch.delattr(Run, "writing")  # what is finished is passed over without the lock
+            assert solve_config(config, root).new_states == 0
+
+
+def test_the_state_before_a_halved_step_may_be_lost(tmp_path, short_steps, monkeypatch):
+    """Where to go on from there is read off what is stored, and no label that is gone is asked for."""
+    config = parse_config(HALVED + SPECTRUM, "band.yaml")
+    whole = solve_config(config, tmp_path / "whole").run
+    commit = Run.commit
+
+    def interrupted(run, record):
+        label = commit(run, record)
+        if "on the way" in record.stage:
+            raise KeyboardInterrupt
+        return label
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Run, "commit", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            solve_config(config, tmp_path / "killed")
+    run = Run.open(tmp_path / "killed" / whole.name)
+    lose(run, stages(run)["twisted band freed"])
+    assert solve_config(config, tmp_path / "killed").failures == ()
+    assert all(pair.equal for pair in compare_runs(whole, Run.open(run.path)))
