@@ -1,4 +1,4 @@
-"""States that were lost, marked as such by a repair, are computed again: the study ends as if nothing was lost."""
+"""States that were lost, and marked by a repair, are computed again: a study ends as if none had been."""
 
 from __future__ import annotations
 
@@ -37,6 +37,13 @@ topology: {half_twists: -3}
 initial_guess: {recipe: schoenke, segments: 24, half_width: 0.2}
 widths: [0.2, 0.25]
 refinement: [24, 48]
+"""
+
+BRANCH = f"""\
+name: branch
+topology: {{half_twists: 1}}
+initial_guess: {{state: {Path(__file__).parent / "data" / "pi-b0.1-N50-second-minimum.npz"}}}
+widths: {{arclength: {{to: 0.12, back_to: 0.105, at: [0.11]}}}}
 """
 
 
@@ -105,3 +112,21 @@ def test_the_state_before_a_halved_step_may_be_lost(tmp_path, short_steps, monke
     lose(run, stages(run)["twisted band freed"])
     assert solve_config(config, tmp_path / "killed").failures == ()
     assert all(pair.equal for pair in compare_runs(whole, Run.open(run.path)))
+
+
+def test_events_of_a_branch_that_were_lost_are_met_again(tmp_path):
+    """A fold or a width that was asked for lies within a step, whose end is stored all the same."""
+    config = parse_config(BRANCH + SPECTRUM, "band.yaml")
+    first = solve_config(config, tmp_path)
+    (course,) = first.branches
+    events = [point for point in course.points if point.type != "step"]
+    assert [point.type for point in events] == ["width", "fold", "width", "width"]
+    lose(Run.open(first.run.path), *(point.label for point in events))
+    again = solve_config(config, tmp_path)
+    assert again.new_states == len(events)
+    (found,) = again.branches
+    assert [replace(point, label=0) for point in found.points] == [
+        replace(point, label=0) for point in course.points
+    ]
+    assert solve_config(config, tmp_path).branches == again.branches
+    assert solve_config(config, tmp_path).new_states == 0

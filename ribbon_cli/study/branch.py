@@ -114,13 +114,14 @@ class Branches:
         """Step k of a branch: the place it leads to, the events on the way, and the end if it is one."""
         stage = f"{name}, step {k}"
         base = place.record
-        known = [self._stored(each) for each in self.journal.stages(f"{stage}, ")]
-        for j, event in enumerate(known):
+        known = sorted(map(self._stored, self.journal.stages(f"{stage}, ")), key=_travelled)
+        whole = not self.journal.lacks(f"{stage}, ")  # else it is taken again for the event that was lost
+        for j, event in enumerate(known if whole else ()):
             end = self._end_at(event, base)
             if end is not None:
                 return None, known[: j + 1], end
         stored = self.journal.finished(stage)
-        if stored is not None and self.options.low <= stored.half_width <= self.options.high:
+        if whole and stored is not None and self.options.low <= stored.half_width <= self.options.high:
             return _place(stored), known, None
         self.steps.begin(stage, base.half_width, base.segments)
         clock = self.journal.clock()
@@ -346,6 +347,12 @@ def _point(record: StateRecord) -> Point:
 def _direction(x: np.ndarray, rate: float, record: StateRecord) -> Tangent:
     """A stored direction; its multipliers, which have no weight in the metric, are not stored."""
     return Tangent(x.ravel(), np.zeros(5 * record.segments + 3), rate)
+
+
+def _travelled(record: StateRecord) -> float:
+    """The length of the branch up to a stored point."""
+    assert record.branch is not None
+    return record.branch.arclength
 
 
 def _place(record: StateRecord) -> _Place:

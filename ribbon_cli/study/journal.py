@@ -61,6 +61,7 @@ class Journal:
         self._config = config_facts(run.path)
         self._ends: dict[str, int] = {}
         self._saddles: dict[str, int] = {}
+        self._lost = _lost_stages(run)
         for remark in run.remarks:
             self.note(remark)
         for label, entry in sorted(run.entries().items()):
@@ -97,6 +98,10 @@ class Journal:
         """Names of the finished stages that begin with `prefix`, in the order stored."""
         found = [(label, name) for name, label in self._ends.items() if name.startswith(prefix)]
         return [name for _, name in sorted(found)]
+
+    def lacks(self, prefix: str) -> bool:
+        """Whether a state was lost, and not stored again, whose stage has a name that begins so."""
+        return any(stage.startswith(prefix) and stage not in self._ends for stage in self._lost)
 
     def note(self, text: str) -> None:
         """Tell whoever watches, and keep it for the outcome."""
@@ -169,3 +174,10 @@ class Journal:
         self.run.commit(record)
         self.new_states += 1
         return record
+
+
+def _lost_stages(run: Run) -> set[str]:
+    """Stages of the states that `ribbon repair` marked as lost; their lines were not looked at closely."""
+    lost = (event.get("state") for event in run.events() if event["event"] == "state-lost")
+    stages = (state.get("stage") for state in lost if isinstance(state, dict))
+    return {stage for stage in stages if isinstance(stage, str)}
