@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -414,3 +416,23 @@ def test_another_state_of_the_same_name_is_noticed(tmp_path: Path) -> None:
         solve_config(again, tmp_path)
     fresh = solve_config(again, tmp_path, fresh=True)
     assert fresh.run.states()[0]["half_width"] == pytest.approx(0.35)
+
+
+@pytest.mark.parametrize("widths", ["[0.1, 0.2]\nrefinement: [12, 24]", "{arclength: {to: 0.12}}"])
+def test_no_module_is_imported_once_states_are_stored(tmp_path: Path, widths: str) -> None:
+    """In a run of hours it might be of another version than the one that its states name."""
+    guess = "{recipe: cylinder, segments: 12, half_width: 0.1}"
+    text = f"topology: {{half_twists: 0}}\ninitial_guess: {guess}\nwidths: {widths}\n"
+    (tmp_path / "ring.yaml").write_text(text)
+    code = (
+        "import sys\n"
+        "from ribbon_cli import solve\n"
+        "from ribbon_cli.store import Run\n"
+        "def ours(): return {name for name in sys.modules if name.startswith('ribbon_cli.')}\n"
+        "known, commit = [], Run.commit\n"
+        "Run.commit = lambda *words: (known.append(ours()), commit(*words))[1]\n"
+        "assert solve('ring.yaml').new_states > 1\n"
+        "assert 'ribbon_cli.study.contact' in known[0]\n"
+        "sys.exit(str(sorted(ours() - known[0])) if ours() - known[0] else 0)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, cwd=tmp_path)

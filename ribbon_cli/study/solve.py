@@ -1,8 +1,8 @@
 """Runs the stages of a config: guess, widths, refinement. The same call again resumes.
 
 Here is what comes next, by what is stored; the rest is computed elsewhere: the guess in guess.py, a step in
-width in stepping.py, a branch in branch.py. They are imported when there is something to compute, so that a
-finished run of thousands of states is passed over without NumPy.
+width in stepping.py. They are imported when there is something to compute, so that a finished schedule of
+thousands of states is passed over without NumPy.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -35,6 +36,10 @@ from .steps import Steps
 
 if TYPE_CHECKING:
     from ..model.band import State
+
+_COMPUTING = (".guess", ".stepping", ".contact", ".branch", "..solver.kinship")
+"""Modules that compute, with all that they import. A run that lasts takes them in at once: one that is first
+asked for hours later may be of another version by then, and no state would say so."""
 
 
 def solve_config(
@@ -65,6 +70,8 @@ def solve_config(
         run = _open(config, root)
 
     def study(watcher: Progress) -> Outcome:
+        for module in _COMPUTING if run.is_writing else ():
+            import_module(module, __package__)
         one_pass = _Study(config, run, given, watcher, argv)
         try:
             if changed:
