@@ -16,6 +16,8 @@ from store_support import make_record, make_run, relative_files
 from ribbon_cli.config import dump_resolved, parse_config
 from ribbon_cli.store import Run, encode, write_atomic
 from ribbon_cli.store.pack import is_pack
+from ribbon_cli.study.repeat import by_command
+from ribbon_cli.study.steps import Steps
 
 FROZEN = Path(__file__).parent / "data" / "format-1.0"
 NAME = "frozen-3b93991c"
@@ -278,6 +280,43 @@ def test_rerun_repeats_a_run_from_its_stored_config(tmp_path, monkeypatch):
     assert ribbon("rerun", "ring", "-q").exit_code == 4
     assert ribbon("repair", "ring").exit_code == 0
     assert ribbon("rerun", "ring", "-q").exit_code == 3
+
+
+def test_a_rerun_that_does_not_come_to_a_level_is_not_the_same(tmp_path, monkeypatch):
+    """The level is the config's own, and not one that `ribbon refine` has added."""
+    monkeypatch.chdir(tmp_path)
+    Path("ring.yaml").write_text(QUICK_RING)
+    assert ribbon("solve", "ring.yaml", "-q").exit_code == 0
+    assert ribbon("refine", "ring:1", "--to", "20", "-q").exit_code == 0
+    monkeypatch.setattr(Steps, "refine", lambda *words: "made to fail")
+    document = ribbon_json("rerun", "ring", code=3)
+    assert not document["equal"]
+    assert [state["equal"] for state in document["states"]] == [True, False, True, False]
+    assert [state["stage"] for state in document["not_from_config"]] == ["state 1 refined to N = 20"]
+
+
+STAGES = {3: "given state", 7: "branch up, step 4, branch-point", 9: "branch from 3 up, step 2, branch-point"}
+STAGES |= {12: "branch from 7 side +, step 2, branch-point", 15: "branch from 9 side -, step 3, branch-point"}
+STAGES |= {20: "branch from 20 side +, step 2, branch-point"}  # as no honest log has it
+
+
+@pytest.mark.parametrize(
+    ("stage", "made"),
+    [
+        ("b = 0.5, refined to N = 100", False),
+        ("state 3 refined to N = 100, on the way", True),
+        ("from 3, b = 0.6", True),
+        ("branch down, step 2, fold", False),
+        ("branch from 3 (steps up to 0.2) down, step 2", True),
+        ("branch from 7 side +, step 1", False),
+        ("branch from 12 side -, step 5", False),
+        ("branch from 9 side +, step 1", True),
+        ("branch from 15 side +, step 1", True),
+        ("branch from 20 side +, step 1", False),
+    ],
+)
+def test_what_commands_made_is_told_from_what_a_config_leads_to(stage, made):
+    assert by_command(stage, STAGES) is made
 
 
 # --- what ls says of runs ---

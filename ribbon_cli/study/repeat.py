@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import shutil
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -16,6 +17,8 @@ from ..store.folder import CONFIG, RESOLVED
 from .outcome import Outcome
 from .progress import Progress
 from .solve import solve_config
+
+_CROSSING = re.compile(r"branch from (\d{1,12}) side ")
 
 
 @dataclass(frozen=True)
@@ -59,13 +62,20 @@ def rerun(
     finally:
         if into is None:
             shutil.rmtree(folder, ignore_errors=True)
-    extra = tuple(pair for pair in pairs if pair.second is None and _by_command(pair.stage))
+    stages = {state["label"]: state["stage"] for state in run.states(all=True)}
+    extra = tuple(pair for pair in pairs if pair.second is None and by_command(pair.stage, stages))
     return Rerun(run, outcome, tuple(pair for pair in pairs if pair not in extra), extra)
 
 
-def _by_command(stage: str) -> bool:
-    """Whether a stage is one of `ribbon refine` or `ribbon continue`, wherever no config leads to it."""
-    return " refined to " in stage or stage.startswith(("from ", "branch from "))
+def by_command(stage: str, stages: Mapping[int, str]) -> bool:
+    """Whether a stage is one of `ribbon refine` or `ribbon continue`, and no config leads to it.
+
+    `stages` are those of the run by label: a branch that crosses another is of whoever asked for that one.
+    """
+    left = dict(stages)  # each is looked at once, whatever a log says
+    while crossing := _CROSSING.match(stage):
+        stage = left.pop(int(crossing[1]), "")
+    return stage.startswith(("state ", "from ", "branch from "))
 
 
 def stored_config(run: Run) -> Config:
