@@ -12,7 +12,7 @@ from store_support import make_record
 from ribbon_cli.config import Config, ConfigError, parse_config
 from ribbon_cli.errors import LockedError, UsageError
 from ribbon_cli.store import Run, encode
-from ribbon_cli.study import given_band, plan_of, refine_state, solve_config
+from ribbon_cli.study import given_band, plan_of, refine_state, solve_config, standing
 
 SMALL = """
 name: small
@@ -416,6 +416,33 @@ def test_another_state_of_the_same_name_is_noticed(tmp_path: Path) -> None:
         solve_config(again, tmp_path)
     fresh = solve_config(again, tmp_path, fresh=True)
     assert fresh.run.states()[0]["half_width"] == pytest.approx(0.35)
+
+
+RING = """
+name: ring
+topology: {half_twists: 0}
+initial_guess: {recipe: cylinder, segments: 12, half_width: 0.3}
+widths: [0.1*3, 0.5]
+refinement: [12, 24]
+"""
+
+
+@pytest.mark.parametrize(
+    ("length", "guess"),
+    [("2*pi", "recipe: cylinder, segments: 12, half_width: 0.3"), ("6.2", "state: 'first:1'")],
+)
+def test_a_first_width_that_differs_by_rounding_is_the_one_that_is_named(
+    tmp_path: Path, length: str, guess: str
+) -> None:
+    """0.1*3 is not 0.3 to the last bit, nor is a given state's width in another unit of length."""
+    solve_config(config(RING.replace("ring", "first").replace("0.1*3", "0.3")), tmp_path)
+    at = f"widths: [0.3*({length})/(2*pi)*(1 + 1e-13), 0.5]"
+    text = RING.replace("widths: [0.1*3, 0.5]", f"length: {length}\n{at}")
+    asked = config(text.replace("recipe: cylinder, segments: 12, half_width: 0.3", guess))
+    outcome = solve_config(asked, tmp_path)
+    assert [target.half_width for target in outcome.targets] == [asked.widths[0], asked.widths[0], 0.5, 0.5]
+    assert standing(outcome.run)["status"] == "complete"
+    assert solve_config(asked, tmp_path).new_states == 0
 
 
 @pytest.mark.parametrize("widths", ["[0.1, 0.2]\nrefinement: [12, 24]", "{arclength: {to: 0.12}}"])

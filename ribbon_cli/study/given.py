@@ -12,6 +12,7 @@ from ..errors import StoreError, UsageError
 from ..model.band import Band, Discretisation, State
 from ..model.topology import linking_number
 from ..store import Run, StateRecord, decode, load_npz, resolve_state
+from .plan import start_width
 from .records import state_of
 
 
@@ -62,7 +63,7 @@ def _given_state(config: Config, root: Path) -> tuple[State, str]:
     scale = config.length / found.band.length
     band = Band(
         found.band.segments,
-        found.band.half_width * scale,
+        start_width(config, found.band.half_width * scale),
         config.length,
         found.band.sigma,
         Discretisation(config.discretisation),

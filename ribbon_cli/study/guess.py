@@ -16,7 +16,7 @@ from ..store import StateRecord
 from .acceptance import converged
 from .auxiliary import Turning
 from .constructions import construct, evert
-from .plan import start_kind, start_name
+from .plan import start_kind, start_name, start_width
 from .records import saddle_result, state_of
 from .steps import Steps
 
@@ -34,7 +34,7 @@ def freed_guess(steps: Steps, config: Config, given: tuple[State, str] | None) -
     assert guess.half_width is not None
     band = Band(
         guess.segments,
-        guess.half_width,
+        start_width(config, guess.half_width),
         config.length,
         -1 if config.half_twists % 2 else 1,
         Discretisation(config.discretisation),

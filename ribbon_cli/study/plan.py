@@ -104,17 +104,22 @@ def start_name(config: Config) -> str:
     return names[config.guess.recipe]
 
 
+def start_width(config: Config, half_width: float) -> float:
+    """Half-width at which the guess is freed: the first that the config names, if rounding parts them."""
+    widths = config.widths
+    return widths[0] if widths and math.isclose(widths[0], half_width, rel_tol=1e-9) else half_width
+
+
 def start_kind(config: Config, half_width: float | None) -> str:
     """Kind of the freed guess: an equilibrium where its width is the first that the config names."""
-    widths = config.widths
-    named = not widths or (half_width is not None and math.isclose(widths[0], half_width, rel_tol=1e-9))
-    return "equilibrium" if named else "intermediate"
+    return "equilibrium" if not config.widths or half_width == config.widths[0] else "intermediate"
 
 
 def plan_of(config: Config, given: tuple[float, int] | None = None) -> Plan:
     """Resolve a config into its stages; `given`: half-width and segments of the state that it starts from."""
     guess = config.guess
     half_width, first = given or (guess.half_width, guess.segments)
+    half_width = None if half_width is None else start_width(config, half_width)
     stages: list[PlannedStage] = []
     if guess.recipe == "twist":
         stages += [
@@ -123,9 +128,9 @@ def plan_of(config: Config, given: tuple[float, int] | None = None) -> Plan:
         ]
     if guess.recipe == "eversion":
         names = [*(f"eversion {k}/{guess.steps}" for k in range((guess.steps or 0) + 1)), *turn_names()]
-        stages += [PlannedStage(name, "auxiliary", guess.half_width, first) for name in names]
+        stages += [PlannedStage(name, "auxiliary", half_width, first) for name in names]
     if guess.recipe == "schoenke":
-        stages.append(PlannedStage(CONSTRUCTION, "auxiliary", guess.half_width, first))
+        stages.append(PlannedStage(CONSTRUCTION, "auxiliary", half_width, first))
     widths = config.widths
     kind = start_kind(config, half_width)
     named = kind == "equilibrium"
