@@ -132,7 +132,9 @@ def test_twist_steps_that_fail_are_halved_and_reported(tmp_path: Path) -> None:
     assert [state["stage"] for state in twisted] == ["twist 0.25/1", "twist 0.625/1", "twist 1/1"]
     assert any("a step from twist 0/1 to 1 failed, halved" in event for event in twisted[0]["events"])
     assert states[-1]["energy"] == pytest.approx(whole.run.states()[-1]["energy"], rel=1e-12)
-    assert solve_config(config(text), tmp_path).new_states == 0
+    watch = Recorder()
+    assert solve_config(config(text), tmp_path, progress=watch).new_states == 0
+    assert watch.stages == [("twist 1/1", 1, 2), ("twisted band freed", 2, 2)]
 
 
 def test_the_minimum_of_an_auxiliary_problem_is_called_that(tmp_path: Path) -> None:

@@ -104,6 +104,7 @@ class _Study:
         argv: Sequence[str],
     ) -> None:
         folder = Path(config.path).parent
+        planned = plan_of(config, None if given is None else _place(given[0])).stages
         self.config = config
         self.given = given
         self.steps = Steps(
@@ -113,10 +114,11 @@ class _Study:
             progress,
             argv,
             folder if folder.is_dir() else None,
-            len(plan_of(config, None if given is None else _place(given[0])).stages),
+            len(planned),
             _is_everted(config, given),
         )
         self.journal = self.steps.journal
+        self.planned = frozenset(stage.name for stage in planned)
         self.targets: list[Target] = []
         self.courses: list[Course] = []
         self.stopped: str | None = None
@@ -175,7 +177,8 @@ class _Study:
         """The freed guess, if it and all that led to it are stored."""
         line = self.journal.ancestry(stage)
         for record in line:
-            self.steps.begin(record.stage, record.half_width, record.segments)
+            if record.stage in self.planned:  # a halved step on the way to one counts as little as in width
+                self.steps.begin(record.stage, record.half_width, record.segments)
         return line[-1] if line else None
 
     def _kept(self, record: StateRecord) -> bool:
