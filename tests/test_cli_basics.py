@@ -78,6 +78,21 @@ def test_a_finished_run_loads_no_numerical_libraries(config, tmp_path, monkeypat
     subprocess.run([sys.executable, "-c", code], check=True, stdout=subprocess.DEVNULL)
 
 
+@pytest.mark.parametrize("words", [["ls"], ["ls", "mobius", "--status", "minimum"], ["path", "mobius:1"]])
+def test_listings_do_without_numpy(words, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    make_run(tmp_path / "runs", 1)
+    code = (
+        "import sys\n"
+        "from ribbon_cli.cli.main import cli\n"
+        "try: cli.main(sys.argv[1:])\n"
+        "except SystemExit as left: assert not left.code\n"
+        "heavy = {'numpy', 'scipy', 'h5py', 'matplotlib'} & sys.modules.keys()\n"
+        "sys.exit(str(sorted(heavy)) if heavy else 0)"
+    )
+    subprocess.run([sys.executable, "-c", code, *words], check=True, stdout=subprocess.DEVNULL)
+
+
 def test_blas_has_one_thread_whatever_the_environment_says():
     code = "import ribbon_cli.cli.main, os; print(*(os.environ[k] for k in os.environ if '_THREADS' in k))"
     changes = {"OPENBLAS_NUM_THREADS": "8", "OMP_NUM_THREADS": "4", "MKL_NUM_THREADS": ""}

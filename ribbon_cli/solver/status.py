@@ -5,10 +5,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from ..model.band import Array, Multipliers, State
-from ..model.problem import LocalDerivatives, Problem
+if TYPE_CHECKING:  # listings of runs know the words, and do without NumPy
+    from ..model.band import Array, Multipliers, State
+    from ..model.problem import LocalDerivatives, Problem
 
 
 class Status(Enum):
@@ -97,6 +98,8 @@ class Result:
 
     def named_multipliers(self) -> Multipliers:
         """Multipliers by name, normalised as in (1.58)."""
+        from ..model.band import Multipliers
+
         return Multipliers.from_vector(self.state.band.segments, self.multipliers)
 
 
