@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import platform
+import resource
 import shutil
 import subprocess
+import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +15,7 @@ from store_support import make_record
 
 from ribbon_cli.store import decode, encode, gather, write_atomic
 from ribbon_cli.store import provenance as module
+from ribbon_cli.study.clock import Clock
 
 
 @pytest.fixture(autouse=True)
@@ -118,3 +122,10 @@ def test_the_program_has_a_revision_of_its_own(tmp_path, monkeypatch):
     facts = gather([], tmp_path)
     assert (facts["code_revision"], facts["code_dirty"]) == (done.stdout.strip(), 0)
     assert "git_revision" not in facts
+
+
+@pytest.mark.parametrize(("system", "unit"), [("linux", 1024), ("darwin", 1)])
+def test_memory_is_in_bytes_on_every_system(monkeypatch, system, unit):
+    monkeypatch.setattr(sys, "platform", system)
+    monkeypatch.setattr(resource, "getrusage", lambda who: SimpleNamespace(ru_maxrss=5))
+    assert Clock((), None).facts()["peak_memory_bytes"] == 5 * unit

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import resource
+import sys
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -35,6 +36,12 @@ class Clock:
             started=self.started,
             wall_seconds=time.perf_counter() - self.wall,
             cpu_seconds=time.process_time() - self.cpu,
-            peak_memory_bytes=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024,
+            peak_memory_bytes=_peak_memory(),
         )
         return dict(facts) | (dict(self.origin) if isinstance(self.origin, Mapping) else {})
+
+
+def _peak_memory() -> int:
+    """Most bytes of memory that this process had; macOS counts bytes, others kibibytes."""
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak if sys.platform == "darwin" else 1024 * peak
