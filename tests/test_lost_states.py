@@ -12,6 +12,7 @@ from ribbon_cli.config import parse_config
 from ribbon_cli.report.comparison import compare_runs
 from ribbon_cli.solver.status import Status
 from ribbon_cli.store import Run
+from ribbon_cli.store.log import format_line
 from ribbon_cli.study import solve_config, stepping
 
 SPECTRUM = "spectrum: {modes: 0, full_up_to: 0}\n"
@@ -90,6 +91,21 @@ def test_whichever_state_is_lost_the_study_ends_the_same(text, tmp_path, short_s
         with monkeypatch.context() as patch:
             patch.delattr(Run, "writing")  # what is finished is passed over without the lock
             assert solve_config(config, root).new_states == 0
+
+
+@pytest.mark.parametrize("parent", [None, 2, 3, 7, 0, -1, 2**62])
+def test_no_parent_that_a_log_names_leads_astray(parent, tmp_path):
+    """Be it nobody, the state itself or one that never was: what is stored is not computed again."""
+    config = parse_config(CONSTRUCTED + SPECTRUM, "band.yaml")
+    first = solve_config(config, tmp_path)
+    entries = first.run.events()
+    (freed,) = (e for e in entries if e["event"] == "state" and e["state"]["stage"] == "construction freed")
+    assert (freed["state"]["label"], freed["state"]["parent"]) == (2, 1)
+    freed["state"]["parent"] = parent
+    first.run.log_path.write_bytes(b"".join(map(format_line, entries)))
+    again = solve_config(config, tmp_path)
+    assert again.new_states == 0
+    assert again.targets == first.targets
 
 
 def test_the_state_before_a_halved_step_may_be_lost(tmp_path, short_steps, monkeypatch):
