@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import shutil
 import signal
 from pathlib import Path
 
 import pytest
 from cli_support import content_hashes, ribbon_json, spawn, states_on_disk, stop_after
+
+from ribbon_cli.config import parse_config
+from ribbon_cli.store import Run
+from ribbon_cli.study import solve_config
 
 # The only step of the eversion fails, and its halves do not.
 EVERSION = """\
@@ -15,6 +20,16 @@ topology: {half_twists: 0}
 initial_guess: {recipe: eversion, segments: 40, half_width: 0.03, steps: 1}
 widths: [0.03, 0.032]
 spectrum: {modes: 4, full_up_to: 0, metrics: [physical]}
+"""
+
+# There and back, with a level at one of the widths.
+TWIST = """\
+name: band
+topology: {half_twists: 1}
+initial_guess: {recipe: twist, segments: 20, half_width: 0.3, steps: 3}
+widths: [0.3, 0.4, 0.3]
+refinement: {levels: [20, 40], at: [0.4]}
+spectrum: {modes: 2, full_up_to: 0, metrics: [physical]}
 """
 
 CONSTRUCTION = """\
@@ -85,3 +100,26 @@ def test_killed_and_resumed(
     ended = ribbon_json(*words, "-q")
     assert ended["new_states"] == len(expected) - kept
     assert content_hashes(killed / "runs") == expected
+
+
+@pytest.mark.parametrize("config", [TWIST, EVERSION, CONSTRUCTION], ids=["twist", "eversion", "schoenke"])
+def test_ended_after_any_commit_and_resumed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, config: str
+) -> None:
+    """The folder as it is after each commit, and from there on: the same states, targets and failures."""
+    asked, commit = parse_config(config, "band.yaml"), Run.commit
+
+    def copied(run: Run, record) -> int:
+        label = commit(run, record)
+        shutil.copytree(run.path, tmp_path / f"after-{label}" / run.name)
+        return label
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Run, "commit", copied)
+        alone = solve_config(asked, tmp_path / "alone")
+    expected = content_hashes(tmp_path / "alone")
+    for label in expected:
+        outcome = solve_config(asked, tmp_path / f"after-{label}")
+        assert content_hashes(tmp_path / f"after-{label}") == expected
+        assert outcome.new_states == len(expected) - label
+        assert (outcome.targets, outcome.failures) == (alone.targets, alone.failures)
