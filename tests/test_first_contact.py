@@ -80,6 +80,7 @@ def test_contact_is_recorded_going_down_as_well(tmp_path: Path) -> None:
     (state,) = located(outcome.run)
     assert state["half_width"] == pytest.approx(0.6640, abs=2e-5)
     assert state["self_contact"]
+    assert outcome.run.states()[-1]["label"] == state["parent"]  # that without contact
 
 
 def test_the_width_scales_with_the_length(tmp_path: Path) -> None:

@@ -63,7 +63,7 @@ def locate_contact(
     stage = f"contact between b = {before.half_width:.12g} and b = {after.half_width:.12g}"
     record = steps.journal.finished(stage)
     if record is None:
-        record = _bisect(steps, _end(free), _end(touching), stage, before.label)
+        record = _bisect(steps, _end(free), _end(touching), stage, free.label)
     found = [] if record is None else [record]
     side = math.copysign(1.0, free.half_width - touching.half_width)
     for n in levels if record is not None else ():
@@ -99,7 +99,7 @@ def _solved(steps: Steps, start: _End, half_width: float, stage: str) -> _End | 
 
 
 def _bisect(steps: Steps, free: _End, touching: _End, stage: str, parent: int) -> StateRecord | None:
-    """Halve the bracket to `WITHIN` and store its touching end."""
+    """Halve the bracket to `WITHIN` from its free end, whose label is `parent`; store its touching end."""
     clock = steps.journal.clock()
     within = WITHIN * free.state.band.length / (2.0 * math.pi)
     while abs(free.half_width - touching.half_width) > within:
