@@ -7,16 +7,13 @@ from pathlib import Path
 
 from ..config import Arclength
 from ..errors import UsageError
-from ..recipes.eversion import not_everted
-from ..store import Run, StateRecord, resolve_state
+from ..store import StateRecord, resolve_state
 from .branch import Branches
 from .journal import run_or_read
 from .natural import Natural
 from .outcome import Outcome
 from .progress import Progress, Silence
-from .records import state_of
-from .refine import CONFIG_FACTS, spectrum_of
-from .steps import Steps
+from .refine import steps_from
 
 
 def continue_state(
@@ -43,7 +40,7 @@ def continue_state(
         raise UsageError(f"{ref}: not a certified minimum ({record.status}): give --arclength")
 
     def study(watcher: Progress) -> Outcome:
-        steps = _steps(run, record, watcher, argv)
+        steps = steps_from(run, record, watcher, argv)
         try:
             if natural:
                 courses = [Natural(steps, request, record).follow(f"from {record.label}")]
@@ -57,12 +54,6 @@ def continue_state(
         return Outcome(run, (), notes, new, tuple(courses))
 
     return run_or_read(run, progress or Silence(), study)
-
-
-def _steps(run: Run, record: StateRecord, progress: Progress, argv: Sequence[str]) -> Steps:
-    origin = {key: value for key, value in record.provenance.items() if key in CONFIG_FACTS}
-    everted = record.half_twists == 0 and not_everted(state_of(record)) is None
-    return Steps(run, record.half_twists, spectrum_of(run), progress, argv, origin, 1, everted)
 
 
 def _check(ref: str, record: StateRecord, request: Arclength) -> None:

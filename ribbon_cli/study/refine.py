@@ -18,8 +18,8 @@ from .records import state_of
 from .resolved import resolved_config
 from .steps import Steps
 
-CONFIG_FACTS = ("git_revision", "git_dirty")
-"""Facts on the config's repository, which are those of the state that is refined."""
+_CONFIG_FACTS = ("git_revision", "git_dirty")
+"""Facts on the config's repository."""
 
 
 def refine_state(
@@ -48,11 +48,8 @@ def refine_state(
         raise UsageError(f"{ref}: an auxiliary state, with prescribed rulings, cannot be refined")
     grids = _grids(ref, record.segments, to, levels, method)
 
-    origin = {key: value for key, value in record.provenance.items() if key in CONFIG_FACTS}
-
     def study(watcher: Progress) -> Outcome:
-        everted = record.half_twists == 0 and not_everted(state_of(record)) is None
-        steps = Steps(run, record.half_twists, spectrum_of(run), watcher, argv, origin, len(grids), everted)
+        steps = steps_from(run, record, watcher, argv, len(grids))
         try:
             targets = _refine_all(steps, record, grids, method, every=levels is not None)
         finally:
@@ -124,7 +121,16 @@ def _grids(ref: str, segments: int, to: int | None, levels: int | None, method: 
     return grids
 
 
-def spectrum_of(run: Run) -> SpectrumRequest:
+def steps_from(
+    run: Run, record: StateRecord, progress: Progress, argv: Sequence[str], total: int = 1
+) -> Steps:
+    """The steps of a pass that begins at a stored state; the config's repository is the one that it names."""
+    origin = {key: value for key, value in record.provenance.items() if key in _CONFIG_FACTS}
+    everted = record.half_twists == 0 and not_everted(state_of(record)) is None
+    return Steps(run, record.half_twists, _spectrum(run), progress, argv, origin, total, everted)
+
+
+def _spectrum(run: Run) -> SpectrumRequest:
     """What the run's config asks for."""
     try:
         return resolved_config(run).spectrum
