@@ -90,7 +90,7 @@ def test_a_line_that_says_nonsense_is_damage_whatever_its_checksum(folder, what)
     for words in READERS:
         result = ribbon(*words)
         assert result.exit_code == 4, (words, result.output)
-        assert f"log.jsonl:{place + 1}: damaged line: " in result.output
+        assert f"log.jsonl:{place + 1}: damaged line: " in result.stdout + result.stderr
     assert {item["short_name"]: item["status"] for item in json.loads(ribbon("ls", "--json").stdout)} == {
         "frozen-branch": "damaged",
         "other": "unknown",

@@ -154,6 +154,16 @@ class LogReader:
             self._seen = seen
         return self._entries
 
+    def look_again(self) -> None:
+        """Open the log: only then does a network file system ask what other hosts appended to it.
+
+        Raises StoreError when it cannot be read.
+        """
+        try:
+            os.close(without_waiting(self.path, os.O_RDONLY | os.O_CLOEXEC))
+        except OSError as error:
+            raise _unreadable(self.path, error) from error
+
     @property
     def torn(self) -> bool:
         """Whether more than whole lines was there when the log was last read."""

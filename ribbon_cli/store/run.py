@@ -262,7 +262,7 @@ class Run:
             yield self
             return
         with self._locked():
-            self.remarks += sweep(self.path, self.events())
+            self.remarks += self._sweep()
             self._next = self._find_next_label()
             yield self
 
@@ -330,7 +330,11 @@ class Run:
     def sweep(self) -> list[str]:
         """Clear what a killed writer left, and say what was done; `writing()` does so on entry."""
         with self._locked():
-            return sweep(self.path, self.events())
+            return self._sweep()
+
+    def _sweep(self) -> list[str]:
+        self._log.look_again()
+        return sweep(self.path, self.events())
 
     def set_aside(self) -> Path:
         """Rename the folder to NAME-HASH8.old-K, so that a fresh run can take its name; return the new path.
