@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ribbon_cli.store import Run, SpectrumRecord, StateRecord
+from ribbon_cli.store.log import LogReader
 
 CONFIG = "name: mobius\n"
 RESOLVED = "name: mobius\nlength: 6.283185307179586\n"
@@ -109,3 +110,8 @@ def reseal(path: Path, version: str = "1.1", **changes: Any) -> None:
     rest = (summary + b"\n").ljust(2048 - 89, b"\0") + rest[2048 - 89 :]
     line = line.replace(b" 1.1 ", f" {version} ".encode())
     path.write_bytes(line[:-64] + hashlib.sha256(rest).hexdigest().encode() + b"\n" + rest)
+
+
+def read_log(path: Path) -> list[dict[str, Any]]:
+    """A log's entries in order."""
+    return LogReader(path).entries()

@@ -16,13 +16,13 @@ import h5py
 import numpy as np
 import pytest
 from cli_support import COMMAND, environment, ribbon
-from store_support import make_record, make_run
+from store_support import make_record, make_run, read_log
 
 from ribbon_cli.errors import StoreError
 from ribbon_cli.export.viewer import viewer_html
 from ribbon_cli.pages.html import page, paragraph
 from ribbon_cli.store import Run, decode
-from ribbon_cli.store.log import format_line, read_log
+from ribbon_cli.store.log import format_line
 from ribbon_cli.text import visible
 
 FROZEN = Path(__file__).parent / "data" / "format-1.1" / "frozen-branch-e83cb1ed"

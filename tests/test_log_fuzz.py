@@ -17,12 +17,11 @@ from typing import Any
 import pytest
 from cli_support import ribbon
 from fault_support import limited
-from store_support import reseal
+from store_support import read_log, reseal
 
 from ribbon_cli.cli.main import cli
 from ribbon_cli.errors import StoreError
 from ribbon_cli.store import Run, list_runs
-from ribbon_cli.store.log import read_log
 
 CONFIG = """\
 name: forged

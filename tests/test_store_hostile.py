@@ -14,13 +14,13 @@ from pathlib import Path
 
 import pytest
 from cli_support import COMMAND, environment, ribbon, ribbon_json
-from store_support import make_record, make_run
+from store_support import make_record, make_run, read_log
 
 from ribbon_cli.errors import StoreError
 from ribbon_cli.store import Run, export_npz, list_runs, write_atomic
 from ribbon_cli.store.atomic import temporary_name
 from ribbon_cli.store.lock import RunLock, _file_lock
-from ribbon_cli.store.log import format_line, read_log
+from ribbon_cli.store.log import format_line
 
 FROZEN = Path(__file__).parent / "data" / "format-1.1"
 NAME = "frozen-branch-e83cb1ed"

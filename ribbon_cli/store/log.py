@@ -190,11 +190,6 @@ class LogReader:
         return True
 
 
-def read_log(path: Path) -> list[dict[str, Any]]:
-    """Return the log's entries in order. Raises StoreError for a damaged line, naming it."""
-    return LogReader(path).entries()
-
-
 def salvage_log(path: Path) -> tuple[list[dict[str, Any]], int]:
     """Return the entries of a damaged or missing log that can be read, and how many lines cannot.
 

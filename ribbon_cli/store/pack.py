@@ -194,17 +194,6 @@ def unpack(path: Path, root: Path) -> Run:
     return Run.open(target)
 
 
-def is_pack(path: Path) -> bool:
-    """Whether a file says that it is a packed run."""
-    import h5py
-
-    try:
-        with h5py.File(path, "r") as file:
-            return text_attribute(file, "format") == FORMAT
-    except UNREADABLE:
-        return False
-
-
 def read_pack(path: Path) -> tuple[str, Iterator[tuple[str, bytes]]]:
     """Return the name of a packed run, and its files one after the other, each compared with the run's log.
 
