@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import base64
 import csv
 import io
 import json
+import re
 import warnings
 from dataclasses import replace
 from pathlib import Path
@@ -22,6 +24,7 @@ from ribbon_cli.errors import UsageError
 from ribbon_cli.export.mesh import facet_corners, is_closed, surface
 from ribbon_cli.export.meshes import obj_bytes, ply_bytes, solid, stl_bytes
 from ribbon_cli.export.text import csv_bytes, json_bytes
+from ribbon_cli.export.viewer import viewer_html
 from ribbon_cli.export.vtkhdf import vtkhdf_bytes
 from ribbon_cli.store import StateRecord, content_sha256, summary
 
@@ -41,6 +44,14 @@ def read_mesh(data: bytes, suffix: str, tmp_path: Path):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         return meshio.read(path)
+
+
+def written(state: StateRecord, name: str) -> np.ndarray:
+    """A field as files have it: where the seam is open there is no fold at node 1, whatever is stored."""
+    values = getattr(state, name).copy()
+    if not is_closed(state) and name in ("kappa_s", "tau", "eta"):
+        values[0] = np.nan
+    return values
 
 
 def test_facets_are_flat_and_the_seam_is_joined(state):
@@ -73,7 +84,9 @@ def test_ply_is_read_back(state):
         for face, quad in zip(read.faces[: state.segments].tolist(), mesh.quads.tolist(), strict=True)
     } == {True}
     raw = read.metadata["_ply_raw"]
-    np.testing.assert_array_equal(raw["vertex"]["data"]["eta"][: 2 * state.segments : 2], state.eta)
+    np.testing.assert_array_equal(
+        raw["vertex"]["data"]["eta"][: 2 * state.segments : 2], written(state, "eta")
+    )
     np.testing.assert_array_equal(np.ravel(raw["face"]["data"]["lambda_5"]), state.lambda_5)
 
 
@@ -93,6 +106,15 @@ def test_the_solid_is_watertight_and_oriented(state, tmp_path):
     )
     # A closed band's skin is a torus, an open strip's a sphere.
     assert exact.euler_number == (0 if is_closed(state) else 2)
+
+
+def test_no_solid_begins_with_the_word_of_text_files(solved, tmp_path):  # noqa: F811
+    """A run may be called solid-ring; readers go by the first five letters."""
+    state = states_of(solved, "ring")[-1]
+    data = stl_bytes(state, f"solid-ring-{'0' * 60}:3, b = 0.5", 200.0, 1.0)
+    assert not data.startswith(b"solid")
+    assert content_sha256(state)[:12].encode() in data[:80]
+    assert len(read_mesh(data, ".stl", tmp_path).cells[0].data) == int.from_bytes(data[80:84], "little")
 
 
 def test_walls_keep_their_thickness(state):
@@ -145,7 +167,9 @@ def test_vtk_reads_a_branch_as_a_series(solved, tmp_path):  # noqa: F811
         }
         np.testing.assert_array_equal(vtk_to_numpy(cells.GetArray("xi")), state.xi)
         eta = vtk_to_numpy(points.GetArray("eta"))
-        np.testing.assert_array_equal(eta[: 2 * state.segments : 2], state.eta)
+        np.testing.assert_array_equal(eta[: 2 * state.segments : 2], written(state, "eta"))
+        # The ruling that ends an open strip is no node: nothing is made up for it.
+        assert np.isnan(eta[2 * state.segments :]).all()
         energy = grid.GetFieldData().GetArray("energy")
         assert energy.GetNumberOfTuples() == 1
         assert energy.GetTuple1(0) == state.energy
@@ -157,10 +181,26 @@ def test_csv_holds_every_field_exactly(state):
     rows = list(csv.DictReader(io.StringIO("\n".join(lines[1:]))))
     assert len(rows) == state.segments
     for name in ("kappa_s", "tau", "eta", "eta_prime", "xi", "lambda_1", "lambda_3"):
-        np.testing.assert_array_equal([float(row[name]) for row in rows], getattr(state, name))
+        np.testing.assert_array_equal([float(row[name]) for row in rows], written(state, name))
     np.testing.assert_array_equal([float(row["midline_y"]) for row in rows], state.midline[:-1, 1])
     h = state.length / state.segments
     assert float(rows[2]["alpha_facet"]) == pytest.approx(2.5 * h)
+
+
+def test_nothing_is_made_up_for_a_cut(solved):  # noqa: F811
+    """Where there are no folds or multipliers, the viewer's page holds not-a-number and no zero."""
+    cut = states_of(solved, "mobius", "auxiliary")[4]
+    made = replace(cut, **{f"lambda_{k}": np.full(cut.segments, np.nan) for k in range(1, 6)})
+    page = viewer_html([made], "a strip", None).decode()
+    found = json.loads(re.search(r'id="data" type="application/json">(.*?)</script>', page)[1])
+    fields = {
+        name: np.frombuffer(base64.b64decode(text), "<f4")
+        for name, text in found["states"][0]["fields"].items()
+    }
+    for name in ("kappa_s", "tau", "eta"):
+        assert np.isnan(fields[name]).tolist() == [True] + [False] * (cut.segments - 1)
+    assert np.isfinite(fields["eta_prime"]).all()
+    assert all(np.isnan(fields[f"lambda_{k}"]).all() for k in range(1, 6))
 
 
 def test_json_holds_the_summary_and_the_arrays(state):

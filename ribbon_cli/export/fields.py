@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ribbon_cli.export.mesh import FACET_FIELDS, ODD_FIELDS, is_closed
+from ribbon_cli.export.mesh import FACET_FIELDS, ODD_FIELDS, field_values, is_closed
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -23,26 +23,27 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 FLAT = 1e-6
-"""Curvature, relative to the ring's 2 pi/l, below which a change of sign is rounding and no inflection."""
+"""Curvature, relative to the ring's 2 pi/l, below which a sign is rounding."""
 
 
 def inflections(record: StateRecord) -> Array:
     """Places alpha in [0, l), ascending, where kappa_s changes sign, by linear interpolation between nodes.
 
     Node 1 lies at alpha = 0. On a one-sided band kappa_s of node 1 as seen from facet N has the opposite
-    sign.
+    sign. Nodes flatter than FLAT have no sign of their own: an inflection lies among them if the signs on
+    their two sides differ. The same as `model.staggered.inflections`, which exports do not reach.
     """
-    kappa = record.kappa_s
-    h = record.length / record.segments
+    n = record.segments
+    at = np.flatnonzero(np.abs(record.kappa_s) > FLAT * 2 * np.pi / record.length)
+    if at.size < 2:
+        return np.empty(0)
+    kappa = record.kappa_s[at]
     following = np.append(kappa[1:], record.sigma * kappa[0])
-    least = FLAT * 2 * np.pi / record.length
-    crossing = (kappa * following < 0) & (np.maximum(np.abs(kappa), np.abs(following)) > least)
-    share = kappa[crossing] / (kappa[crossing] - following[crossing])
-    found = (np.flatnonzero(crossing) + share) * h
-    # A zero at a node itself: the sign differs on its two sides.
-    before = np.append(record.sigma * kappa[-1], kappa[:-1])
-    at_node = (kappa == 0) & (before * following < 0) & (np.abs(before) > least)
-    return np.sort(np.concatenate((found, np.flatnonzero(at_node) * h))) % record.length
+    gap = np.append(at[1:], at[0] + n) - at
+    turns = kappa * following < 0
+    share = kappa[turns] / (kappa[turns] - following[turns])
+    places: Array = np.sort((at[turns] + gap[turns] * share) * record.length / n % record.length)
+    return places
 
 
 @dataclass(frozen=True)
@@ -86,8 +87,8 @@ def even_window(record: StateRecord) -> Window:
 
 
 def field(record: StateRecord, name: str, window: Window = AS_STORED) -> tuple[Array, Array]:
-    """Places alpha (N,) and values (N,) of a field, counted as `window` says."""
-    return placed(record, name, getattr(record, name), window)
+    """Places alpha (N,) and values (N,) of a field, counted as `window` says; not-a-number at cuts."""
+    return placed(record, name, field_values(record, name), window)
 
 
 def placed(record: StateRecord, name: str, values: Array, window: Window) -> tuple[Array, Array]:

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ribbon_cli.errors import UsageError
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -28,6 +30,8 @@ FACET_FIELDS = ("eta_prime", "xi", "lambda_1", "lambda_4", "lambda_5")
 """Fields (N,) of a state that sit on facets."""
 ODD_FIELDS = ("kappa_s", "eta", "eta_prime", "xi", "lambda_3", "lambda_5")
 """Fields that change sign with g, and so across the seam of a one-sided band."""
+FOLD_FIELDS = ("kappa_s", "tau", "eta")
+"""Fields of the fold between two facets, of which a cut has none."""
 
 
 @dataclass(frozen=True)
@@ -74,8 +78,20 @@ def is_closed(record: StateRecord) -> bool:
     return bool(gap <= CLOSED and turn <= CLOSED and record.cut_node is None)
 
 
+def check_shape(record: StateRecord) -> None:
+    """Raise UsageError for a state that went wrong, and has no shape to show."""
+    if not all(np.isfinite(values).all() for values in (record.u, record.g, record.g_end, record.midline)):
+        raise UsageError(
+            f"state {record.label} holds values that are not finite ({record.status}): there is no shape"
+        )
+
+
 def strip(record: StateRecord) -> Strip:
-    """The rulings and facets of a state, closed, open at its seam, or in two pieces."""
+    """The rulings and facets of a state, closed, open at its seam, or in two pieces.
+
+    Raises UsageError for a state with values that are not finite.
+    """
+    check_shape(record)
     n, b, h = record.segments, record.half_width, record.length / record.segments
     near = np.arange(n)
     if is_closed(record):
@@ -89,8 +105,14 @@ def strip(record: StateRecord) -> Strip:
     g = np.vstack((record.g, *ends.values()))
     far = near + 1
     far[list(last)] = n + np.arange(len(last))
-    first = (0, *(i + 1 for i in last[:-1]))
-    return Strip(places - b * g, places + b * g, near, far, first, last)
+    return Strip(places - b * g, places + b * g, near, far, cuts(record), last)
+
+
+def cuts(record: StateRecord) -> tuple[int, ...]:
+    """Nodes, from 0, at which a piece of the strip begins; none of a closed band."""
+    if is_closed(record):
+        return ()
+    return (0,) if record.cut_node is None or record.g_cut is None else (0, record.cut_node - 1)
 
 
 def facet_corners(record: StateRecord) -> Array:
@@ -118,12 +140,18 @@ def surface(record: StateRecord) -> Surface:
     return Surface(points, quads, rulings)
 
 
-def node_values(record: StateRecord, name: str, rulings: Strip) -> Array:
-    """A node field at the rulings of a strip; the ends of pieces have their last facet's near value.
+def field_values(record: StateRecord, name: str) -> Array:
+    """A field (N,) of a state, not-a-number where the band is cut and the field is one of folds.
 
-    At the end of a whole open strip that is node 1's value as facet N sees it.
+    What is stored there is of the strip as if it were closed.
     """
     values: Array = getattr(record, name)
-    if len(rulings.last) == 1:
-        return np.append(values, values[0] * (record.sigma if name in ODD_FIELDS else 1))
-    return np.append(values, values[list(rulings.last)])
+    if name in FOLD_FIELDS and (places := cuts(record)):
+        values = values.copy()
+        values[list(places)] = np.nan
+    return values
+
+
+def node_values(record: StateRecord, name: str, rulings: Strip) -> Array:
+    """A node field at the rulings of a strip, not-a-number at those that end a piece: these are no nodes."""
+    return np.append(field_values(record, name), np.full(len(rulings.last), np.nan))

@@ -16,6 +16,7 @@ from ribbon_cli.export.mesh import (
     strip,
     surface,
 )
+from ribbon_cli.store import content_sha256
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -119,5 +120,8 @@ def stl_bytes(record: StateRecord, title: str, size: float, thickness: float) ->
         len(triangles), dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("spare", "<u2")]
     )
     rows["normal"], rows["corners"] = normal, corners
-    header = title.encode("ascii", "replace")[:79].ljust(80)
+    # Readers take a file that begins with "solid", as a run's name may, for one in text. The hash comes first
+    # since 80 bytes are few.
+    words = f"mm, sha256 {content_sha256(record)[:12]}, {title}"
+    header = words.encode("ascii", "replace")[:79].ljust(80)
     return header + len(rows).to_bytes(4, "little") + bytes(rows.tobytes())

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ribbon_cli.export.mesh import FACET_FIELDS, NODE_FIELDS
+from ribbon_cli.export.mesh import FACET_FIELDS, NODE_FIELDS, field_values
 from ribbon_cli.store import summary
 from ribbon_cli.store.log import to_json
 
@@ -35,7 +35,7 @@ def csv_bytes(record: StateRecord, title: str) -> bytes:
     for name in ("midline", "g"):
         values = getattr(record, name)[: record.segments]
         columns |= {f"{name}_{axis}": values[:, k].tolist() for k, axis in enumerate("xyz")}
-    columns |= {name: getattr(record, name).tolist() for name in NODE_FIELDS}
+    columns |= {name: field_values(record, name).tolist() for name in NODE_FIELDS}
     columns["alpha_facet"] = (h * (index + 0.5)).tolist()
     columns |= {f"u_{axis}": record.u[:, k].tolist() for k, axis in enumerate("xyz")}
     columns |= {name: getattr(record, name).tolist() for name in FACET_FIELDS}

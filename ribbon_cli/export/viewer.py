@@ -82,9 +82,8 @@ def _state(record: StateRecord, placed: Array) -> dict[str, Any]:
 
 
 def _packed(values: Array) -> str:
-    """Numbers as little-endian float32 in base64; what is not finite becomes 0."""
-    finite = np.nan_to_num(values, nan=0.0, posinf=0.0, neginf=0.0)
-    return base64.b64encode(finite.astype("<f4").tobytes()).decode("ascii")
+    """Numbers as little-endian float32 in base64; the page shows not-a-number as unknown."""
+    return base64.b64encode(values.astype("<f4").tobytes()).decode("ascii")
 
 
 def _number(value: float) -> float | None:
