@@ -54,11 +54,19 @@ def draw_shape(
     outline = _turning(facing > 0, record.sigma)
     outline[list(pieces.first)] = True
     green = np.isin(np.arange(1, n + 1), marked)
-    drawn = (np.arange(n) % max(1, -(-n // rulings)) == 0) & ~outline & ~green
+    drawn = _spread(n, rulings) & ~outline & ~green
     _paint(axes, flat, order, colours, style, drawn)
     draw_lines(axes, flat, pieces, outline, green, style)
     _frame(axes, flat)
     return view
+
+
+def _spread(n: int, most: int) -> NDArray[np.bool_]:
+    """At most so many of n rulings, as evenly as can be once round: at the seam as well."""
+    count = -(-n // max(1, -(-n // most)))
+    chosen = np.zeros(n, dtype=bool)
+    chosen[np.arange(count) * n // count] = True
+    return chosen
 
 
 def shown_sides(record: StateRecord, view: View, like: NDArray[np.bool_] | None = None) -> NDArray[np.bool_]:
