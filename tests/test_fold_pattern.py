@@ -6,6 +6,7 @@ import itertools
 import json
 import re
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -84,6 +85,36 @@ def test_letters_say_which_corners_meet(solved):  # noqa: F811
         letters = [letter for _, _, letter in sorted(tops, key=lambda t: float(t[0]))]
         assert letters == (["A", "B"] if swapped else ["A", "A"])
         assert sorted(upper) == ["A", "A", "B", "B"]
+
+
+@pytest.mark.parametrize(
+    ("name", "linking_number", "told"),
+    [
+        ("mobius", 0.5, "by half a turn, right-handed, and"),
+        ("mobius", -1.5, "by 3 half-turns, left-handed, and"),
+        ("ring", 0.0, "Glue the flap under the other end"),
+        ("ring", 1.0, "by 2 half-turns, right-handed, and"),
+    ],
+)
+def test_ends_are_turned_as_often_as_the_band_is_twisted(name, linking_number, told, solved):  # noqa: F811
+    state = replace(states_of(solved, name)[-1], linking_number=linking_number)
+    assert told in pattern_svg(fold_pattern(state, 300.0), "a band").decode()
+
+
+def test_what_is_said_above_a_short_strip_has_room(solved):  # noqa: F811
+    data = pattern_svg(fold_pattern(states_of(solved, "mobius")[-1], 40.0), "a band " * 20).decode()
+    (wide,) = re.findall(r'width="([\d.]+)mm"', data)
+    letters = max(map(len, re.findall(r'font-size="2.8"[^>]*>([^<]*)<', data)))
+    assert float(wide) > 20 + 2.8 * 0.5 * letters
+
+
+def test_folds_of_a_fine_mesh_stay_lines(solved):  # noqa: F811
+    state = states_of(solved, "mobius")[-1]
+    for size, said in ((300.0, False), (40.0, True)):
+        data = pattern_svg(fold_pattern(state, size), "a band")
+        widths = {float(a["stroke-width"]) for a, _ in lines(data, "fold")}
+        assert max(widths) <= min(0.2, 0.5 * size / state.segments)
+        assert (b"mm apart: by hand" in data) == said
 
 
 @pytest.mark.parametrize("paper", PAPERS)

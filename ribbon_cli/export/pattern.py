@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ribbon_cli.errors import UsageError
-from ribbon_cli.export.mesh import is_closed
+from ribbon_cli.export.mesh import check_shape, is_closed
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -45,6 +45,7 @@ class Pattern:
     seam: float
     tab: Array
     sigma: int
+    half_twists: int | None
 
     @property
     def box(self) -> tuple[float, float, float, float]:
@@ -67,6 +68,7 @@ def fold_pattern(record: StateRecord, length: float) -> Pattern:
     """
     if not (math.isfinite(length) and length > 0):
         raise UsageError(f"a size must be a positive number of millimetres, got {length:g}")
+    check_shape(record)
     if not is_closed(record):
         raise UsageError(f"state {record.label} has an open seam: only a closed band can be folded and glued")
     scale = length / record.length
@@ -94,4 +96,7 @@ def fold_pattern(record: StateRecord, length: float) -> Pattern:
             last[1],
         ]
     )
-    return Pattern(length, b, ends[1:-1], angles[1:], ends[0], last, float(angles[0]), tab, record.sigma)
+    lk = record.linking_number
+    twists = round(2.0 * lk) if math.isfinite(lk) else None
+    seam = float(angles[0])
+    return Pattern(length, b, ends[1:-1], angles[1:], ends[0], last, seam, tab, record.sigma, twists)

@@ -23,6 +23,11 @@ OVERLAP = 10.0
 HEADER = 12.0
 LABEL_ROOM = 4.5
 """Distance of two folds, in millimetres, from which on their angles are printed."""
+NOTE_SIZE, LETTER_WIDTH = 2.8, 0.6
+"""Size of the letters above a pattern, in millimetres, and about how wide they are relative to it."""
+BY_HAND = 1.0
+"""Distance of two folds, in millimetres, below which nobody folds them."""
+FOLD_WIDTH = 0.2
 MOUNTAIN, VALLEY, INK, GREY = "#D55E00", "#0072B2", "#1b1b1b", "#6b6b6b"
 COLOURS = {"mountain": MOUNTAIN, "valley": VALLEY, "flat": GREY}
 DASHES = {"mountain": "6 1.5 1 1.5", "valley": "3 1.5", "flat": "0.5 2"}
@@ -79,12 +84,33 @@ def fold_kind(angle: float) -> str:
 
 def notes(pattern: Pattern, title: str) -> list[str]:
     """What is printed above the pattern."""
-    glue = (
-        "Glue the flap under the other end, printed sides alike."
-        if pattern.sigma > 0
-        else "Turn one end over by half a turn and glue it to the flap: A to A, B to B."
-    )
-    return [title, f"Valley folds dashed blue, mountain folds dash-dotted red, angles in degrees. {glue}"]
+    folds = "Valley folds dashed blue, mountain folds dash-dotted red, angles in degrees."
+    lines = [title, f"{folds} {_glue(pattern)}"]
+    if _step(pattern) < BY_HAND:
+        lines.append(f"Folds are {_step(pattern):.2g} mm apart: by hand, fold a state of fewer segments.")
+    return lines
+
+
+def _step(pattern: Pattern) -> float:
+    """Distance of two folds along the midline, in millimetres."""
+    return pattern.length / (len(pattern.angles) + 1)
+
+
+def _fold_width(pattern: Pattern) -> float:
+    """Width of a fold's line, in millimetres: less than the distance of two, so that they stay lines."""
+    return min(FOLD_WIDTH, 0.4 * _step(pattern))
+
+
+def _glue(pattern: Pattern) -> str:
+    """How the ends come together."""
+    twists, matched = pattern.half_twists, "A to A, B to B"
+    if not twists:
+        if pattern.sigma > 0:
+            return "Glue the flap under the other end, printed sides alike."
+        return f"Turn one end over by half a turn and glue it to the flap: {matched}."
+    hand = "right" if twists > 0 else "left"
+    turns = "half a turn" if abs(twists) == 1 else f"{abs(twists)} half-turns"
+    return f"Turn one end over by {turns}, {hand}-handed, and glue it to the flap: {matched}."
 
 
 def pattern_svg(pattern: Pattern, title: str, paper: str | None = None, number: int = 1) -> bytes:
@@ -97,6 +123,10 @@ def pattern_svg(pattern: Pattern, title: str, paper: str | None = None, number: 
 
     title = visible(title)
     wide, tall, found = pages(pattern, paper)
+    if paper is None:
+        # A sheet of its own has room for what is said above a short strip.
+        longest = max(map(len, notes(pattern, title)))
+        wide = max(wide, 2 * MARGIN + LETTER_WIDTH * NOTE_SIZE * longest)
     page = found[number - 1]
     high = pattern.box[3]
     top = MARGIN + HEADER + high
@@ -127,6 +157,7 @@ def pattern_svg(pattern: Pattern, title: str, paper: str | None = None, number: 
             f'<line class="glue" data-end="{name}" data-angle="{pattern.seam!r}" '
             f'x1="{x1}" y1="{y1}" x2="{x2}" y2="{y2}" stroke="{INK}" stroke-width="0.5"/>\n'
         )
+    width = _fold_width(pattern)
     for k, (ends, angle) in enumerate(zip(pattern.folds.tolist(), pattern.angles.tolist(), strict=True)):
         if clip and not _meets(ends, clip):
             continue
@@ -134,7 +165,7 @@ def pattern_svg(pattern: Pattern, title: str, paper: str | None = None, number: 
         (x1, y1), (x2, y2) = (place(tuple(p)) for p in ends)
         out.write(
             f'<line class="fold {kind}" data-node="{k + 2}" data-angle="{angle!r}" '
-            f'x1="{x1}" y1="{y1}" x2="{x2}" y2="{y2}" stroke="{COLOURS[kind]}" stroke-width="0.2" '
+            f'x1="{x1}" y1="{y1}" x2="{x2}" y2="{y2}" stroke="{COLOURS[kind]}" stroke-width="{width:.3g}" '
             f'stroke-dasharray="{DASHES[kind]}"/>\n'
         )
     out.write("</g>\n")
@@ -144,7 +175,7 @@ def pattern_svg(pattern: Pattern, title: str, paper: str | None = None, number: 
     for k, text in enumerate(notes(pattern, title)):
         suffix = f"  (page {page.number} of {page.count})" if k == 0 and page.count > 1 else ""
         out.write(
-            f'<text x="{MARGIN}" y="{MARGIN + 3.5 * k:.3f}" font-size="2.8" fill="{INK}">'
+            f'<text x="{MARGIN}" y="{MARGIN + 3.5 * k:.3f}" font-size="{NOTE_SIZE}" fill="{INK}">'
             f"{escape(text + suffix)}</text>\n"
         )
     out.write(_marks(page, tall))
@@ -165,8 +196,7 @@ def labels(pattern: Pattern, page: Page) -> list[tuple[float, float, str, float]
         (pattern.last[0, 0] + 0.4 * size, b - 1.6 * size, "B" if swapped else "A", size),
         (pattern.last[1, 0] + 0.4 * size, -b + 1.0 * size, "A" if swapped else "B", size),
     ]
-    step = pattern.length / (len(pattern.angles) + 1)
-    every = max(1, math.ceil(LABEL_ROOM / step))
+    every = max(1, math.ceil(LABEL_ROOM / _step(pattern)))
     for k in range(every - 1, len(pattern.angles), every):
         (x1, _), (x2, _) = pattern.folds[k].tolist()
         out.append((0.5 * (x1 + x2) + 0.9, -0.7, f"{abs(pattern.angles[k]):.1f}", 1.6))
@@ -246,13 +276,18 @@ def _draw_page(figure: Figure, pattern: Pattern, page: Page, title: str, wide: f
     for ends, angle in zip(pattern.folds, pattern.angles.tolist(), strict=True):
         if _meets(ends.tolist(), (page.left, page.right)):
             kind = fold_kind(angle)
-            line(ends, COLOURS[kind], 0.2, DASHES[kind])
+            line(ends, COLOURS[kind], _fold_width(pattern), DASHES[kind])
     for x, y, text, size in labels(pattern, page):
         axes.text(x, y, text, fontsize=size * point, ha="left", va="baseline", color=INK)
     for k, text in enumerate(notes(pattern, title)):
         suffix = f"  (page {page.number} of {page.count})" if k == 0 and page.count > 1 else ""
         axes.text(
-            page.left, top - MARGIN - 3.5 * k, text + suffix, fontsize=2.8 * point, va="baseline", color=INK
+            page.left,
+            top - MARGIN - 3.5 * k,
+            text + suffix,
+            fontsize=NOTE_SIZE * point,
+            va="baseline",
+            color=INK,
         )
     for edge, there in (
         (page.left + OVERLAP, page.number > 1),

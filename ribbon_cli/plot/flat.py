@@ -12,12 +12,17 @@ from ribbon_cli.plot.style import GREY, INK, PALETTE, Style
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from numpy.typing import NDArray
 
     from ribbon_cli.store import StateRecord
 
 MOUNTAIN, VALLEY = PALETTE[1], PALETTE[0]
 FLAT_DEGREES = 1e-6
 """Fold angle below which a ruling is neither mountain nor valley."""
+FEW_FOLDS = 60
+"""Most folds whose dashes can be told apart."""
+LETTER_ROOM = 0.02
+"""Share of the folds that a stretch has to have for a letter of its own."""
 
 
 def pattern_figure(record: StateRecord, style: Style) -> Figure:
@@ -40,6 +45,10 @@ def draw_pattern(axes: Axes, pattern: Pattern, style: Style) -> None:
     from matplotlib.collections import LineCollection
 
     sharpest = float(np.abs(pattern.angles).max()) or 1.0
+    # Dashes that are shorter than a line is wide run together: of many folds, letters tell which they are.
+    dense = len(pattern.angles) > FEW_FOLDS
+    # Lines that are wider than their distance would hide each other.
+    width = min(0.7 * style.line, 0.8 * style.width * 72 / (len(pattern.angles) + 1))
     for name, colour, dashes, chosen in (
         ("mountain", MOUNTAIN, (0, (6, 2, 1, 2)), pattern.angles > FLAT_DEGREES),
         ("valley", VALLEY, (0, (4, 2)), pattern.angles < -FLAT_DEGREES),
@@ -47,17 +56,18 @@ def draw_pattern(axes: Axes, pattern: Pattern, style: Style) -> None:
         if not chosen.any():
             continue
         strength = 0.25 + 0.75 * np.abs(pattern.angles[chosen]) / sharpest
-        # Dashes that are shorter than a line is wide run together: with many folds, colour has to tell.
-        dense = len(pattern.angles) > 60
         lines = LineCollection(
             list(pattern.folds[chosen]),
             colors=colour,
             alpha=strength,
-            linewidths=0.7 * style.line,
+            linewidths=width,
             linestyles="-" if dense else [dashes],
         )
         axes.add_collection(lines)
-        axes.plot([], [], color=colour, linestyle="-" if dense else dashes, label=f"{name} fold")
+        label = f"{name} fold" + (f" ({name[0].upper()})" if dense else "")
+        axes.plot([], [], color=colour, linestyle="-" if dense else dashes, label=label)
+        if dense:
+            _letters(axes, pattern, chosen, name[0].upper(), colour)
     flat = np.abs(pattern.angles) <= FLAT_DEGREES
     if flat.any():
         axes.add_collection(LineCollection(list(pattern.folds[flat]), colors=GREY, linewidths=style.thin))
@@ -69,3 +79,21 @@ def draw_pattern(axes: Axes, pattern: Pattern, style: Style) -> None:
     axes.set_aspect("equal")
     axes.margins(0.01)
     axes.axis("off")
+
+
+def _letters(axes: Axes, pattern: Pattern, chosen: NDArray[np.bool_], letter: str, colour: str) -> None:
+    """A letter below each stretch of folds of one kind that has room for it."""
+    ends = np.flatnonzero(np.diff(np.concatenate(([0], chosen.astype(int), [0]))))
+    for first, after in zip(ends[::2], ends[1::2], strict=True):
+        places = pattern.folds[first:after, 1, 0]
+        if after - first > LETTER_ROOM * len(chosen):
+            place = (float(places.mean()), -pattern.half_width)
+            axes.annotate(
+                letter,
+                place,
+                xytext=(0, -2),
+                textcoords="offset points",
+                ha="center",
+                va="top",
+                color=colour,
+            )
