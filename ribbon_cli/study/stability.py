@@ -107,6 +107,11 @@ def _check(record: StateRecord, metric: str, modes: int, full: bool) -> None:
         raise UsageError(f"no metric {metric!r}: there are {', '.join(METRICS)}")
     if modes < 1:
         raise UsageError(f"the number of modes must be at least 1, got {modes}")
+    given = (record.u, record.g, record.xi, multipliers_of(record))
+    if record.kind != "auxiliary" and not all(np.isfinite(values).all() for values in given):
+        raise UsageError(
+            f"state {record.label} holds values that are not finite ({record.status}): it has no spectrum"
+        )
     if record.kind == "auxiliary":
         raise UsageError("an auxiliary state, with prescribed rulings, has no spectrum of its own")
     if full and record.segments > LARGEST_FULL:
