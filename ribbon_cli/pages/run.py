@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from ribbon_cli.errors import UsageError
-from ribbon_cli.export.series import branch, finest, latest
+from ribbon_cli.export.series import branch, courses, finest, latest
 from ribbon_cli.pages.html import Cell, heading, page, paragraph, picture, preformatted, table
 from ribbon_cli.plot.figure import image, state_caption
 from ribbon_cli.plot.kinds import Source, draw
@@ -47,10 +47,12 @@ def _summary(run: Run, records: list[StateRecord]) -> list[str]:
         kinds[state["kind"]] = kinds.get(state["kind"], 0) + 1
     counts = ", ".join(f"{count} {kind}" for kind, count in kinds.items())
     touching = [state["half_width"] for state in states if state["self_contact"]]
-    contact = f"Self-contact from b = {min(touching):.6g} on." if touching else "No self-contact."
+    contact = "No self-contact."
+    if touching:
+        contact = f"Self-contact at {len(touching)} of the equilibria, the narrowest b = {min(touching):.6g}."
     worst = max((r for state in states if (r := state["kkt_residual"]) is not None), default=float("nan"))
     linking = sorted(
-        {round(state["linking_number"], 6) for state in states if state["linking_number"] is not None}
+        {round(state["linking_number"], 6) + 0.0 for state in states if state["linking_number"] is not None}
     )
     again = len(states) - len(latest(states))
     rest = f" (of {again} another at the same half-width and N is listed)" if again else ""
@@ -96,7 +98,7 @@ def _states(states: list[dict[str, Any]]) -> str:
                 ("?" if negative is None else str(negative), "n"),
                 (_number(state["kkt_residual"], ".1e"), "n"),
                 (_number(state["constraint_residual"], ".1e"), "n"),
-                (_number(state["linking_number"], ".4g"), "n"),
+                (_linking_number(state["linking_number"]), "n"),
                 ("contact" if state["self_contact"] else _number(state["clearance"], ".3g"), "n"),
             ]
         )
@@ -116,7 +118,7 @@ def _shapes(run: Run, records: list[StateRecord]) -> list[str]:
 def _pictures(run: Run) -> list[str]:
     """What else can be drawn of the run."""
     kinds = ["geometry", "multipliers"]
-    if len(branch(run)) > 1:
+    if len(branch(run)) > 1 or courses(run):
         kinds.append("branch")
     out = [_picture(run, kind, ()) for kind in kinds]
     try:
@@ -172,6 +174,11 @@ def _provenance(records: list[StateRecord]) -> str:
     seconds = sum(float(record.provenance.get("cpu_seconds", 0.0)) for record in records)
     rows.append(["cpu_seconds of the states shown", f"{seconds:.2f}"])
     return table(("", ""), rows)
+
+
+def _linking_number(value: float | None) -> str:
+    """Lk, rounding errors of zero being zero."""
+    return _number(None if value is None else round(value, 6) + 0.0, "g")
 
 
 def _number(value: float | None, spec: str) -> str:
