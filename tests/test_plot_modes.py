@@ -159,7 +159,15 @@ def test_dashes_tell_the_index():
     assert _stretches([point(0.1, 0), point(0.2, 1, "step")]) == [None]
     figure = arclength_figure({"branch up": around, "other": crossing}, {1: None}, STYLE)
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert labels == ["branch up", "other", "stable", "index 1", "index 2 or more", "fold", "branch point"]
+    assert labels == [
+        "1 branch up",
+        "2 other",
+        "stable",
+        "index 1",
+        "index 2 or more",
+        "fold",
+        "branch point",
+    ]
 
 
 def test_formulas_that_a_state_lacks_are_left_out(solved):  # noqa: F811

@@ -9,7 +9,7 @@ import click
 
 from ribbon_cli.cli.completion import complete_file, complete_state, complete_words
 from ribbon_cli.cli.output import check_target, emit, emit_json, say
-from ribbon_cli.cli.plot_command import open_run_or_state
+from ribbon_cli.cli.plot_command import file_stem, open_run_or_state
 from ribbon_cli.cli.settings import Settings, common_options, pass_settings
 from ribbon_cli.errors import UsageError
 
@@ -75,12 +75,12 @@ def export(
         assert run is not None
         if form == "npz":
             raise UsageError(f"npz takes one state: name one of {run.name}, as in {run.short_name}:1")
-        states, stem = states_of_run(form, run, options), run.short_name
+        stem, states = file_stem(run, states, state), states_of_run(form, run, options)
         say(settings, f"{_title(run, states)}, N = {states[0].segments}; --segments takes another N")
     elif segments is not None:
         raise UsageError("--segments goes with a run, and the reference names a state")
     else:
-        stem = f"{run.short_name}-{states[0].label}" if run else os.path.splitext(os.path.basename(state))[0]
+        stem = file_stem(run, states, state)
     path = output or f"{stem}.{form}"
     check_target(path, overwrite)
     if form == "npz":

@@ -106,14 +106,15 @@ def plot(
     style = find_style(look)
     _check_options(kind, index, view, segments, others)
     form = figure_format(output, moving=kind == "mode") if output else "pdf"
-    source = _source(settings, ref, kind, others, view, segments, index)
+    first, states = open_run_or_state(settings, ref)
+    source = _source(settings, ref, first, states, kind, others, view, segments, index)
     if segments and source.states and kind not in _OF_A_RUN:
         raise UsageError("--segments goes with a run, and the reference names a state")
-    path = output or f"{_stem(source, ref)}-{kind}.pdf"
+    path = output or f"{file_stem(first, states, ref)}-{kind}.pdf"
     check_target(path, overwrite)
     picture = draw(kind, source, style)
     run = source.run.name if source.run else None
-    caption = state_caption(picture.states, run) if picture.states else str(run)
+    caption = state_caption(picture.states, run, source.names) if picture.states else str(run)
     shown = None if no_caption else f"{picture.title}. {caption}."
     if form == ANIMATED:
         data = animate(picture, source, style, shown)
@@ -165,21 +166,23 @@ def _mode_document(mode: ModeShape | None) -> dict[str, Any]:
 def _source(
     settings: Settings,
     ref: str,
+    run: Run | None,
+    states: tuple[StateRecord, ...],
     kind: str,
     others: tuple[str, ...],
     view: str | None,
     segments: int | None,
     index: int | None,
 ) -> Source:
-    """What the references name. Raises UsageError."""
+    """What the first reference and the `others` name. Raises UsageError."""
     from functools import partial
 
     from ribbon_cli.plot.kinds import Source
     from ribbon_cli.study import multiplier_curves, run_table
 
-    run, states = open_run_or_state(settings, ref)
     more = [open_run_or_state(settings, other) for other in others]
     beside: tuple[Run, ...] = ()
+    names: tuple[str, ...] = ()
     if more and not states:
         if kind != "spectrum":
             raise UsageError("--with goes with a state, and the reference names a run")
@@ -189,10 +192,18 @@ def _source(
     elif more:
         if any(not found for _, found in more):
             raise UsageError("--with needs a state, not a run")
-        states = (*states, *(record for _, found in more for record in found))
-        run = run if run and all(other and other.path == run.path for other, _ in more) else None
+        given = [(run, states), *more]
+        states = tuple(record for _, found in given for record in found)
+        if run is None or any(other is None or other.path != run.path for other, _ in more):
+            run, names = None, tuple(_name(*each) for each in zip(given, (ref, *others), strict=True))
     mode = partial(_mode, index=index)
-    return Source(run, states, run_table, multiplier_curves, mode, _angles(view), segments, beside)
+    return Source(run, states, run_table, multiplier_curves, mode, _angles(view), segments, beside, names)
+
+
+def _name(found: tuple[Run | None, tuple[StateRecord, ...]], ref: str) -> str:
+    """RUN:LABEL of a state, or its file's name outside of a run."""
+    run, (record,) = found
+    return f"{run.name}:{record.label}" if run else os.path.basename(ref)
 
 
 def _mode(record: StateRecord, index: int | None) -> ModeShape:
@@ -251,8 +262,8 @@ def _angles(text: str | None) -> tuple[float, float] | None:
     return azimuth, elevation
 
 
-def _stem(source: Source, ref: str) -> str:
-    """Name of the default file without its ending."""
-    if source.run is None:
+def file_stem(run: Run | None, states: tuple[StateRecord, ...], ref: str) -> str:
+    """Name of a default file without its ending: RUN, RUN-LABEL, or outside of a run the state's file's."""
+    if run is None:
         return os.path.splitext(os.path.basename(ref))[0]
-    return "-".join([source.run.short_name, *(str(record.label) for record in source.states[:1])])
+    return "-".join([run.short_name, *(str(record.label) for record in states)])

@@ -17,3 +17,10 @@ def verdict(record: StateRecord) -> str:
         return "certified minimum"
     words = dict.fromkeys((record.kind, record.status))
     return f"{', '.join(words)}: no certificate"
+
+
+def standing(record: StateRecord) -> str:
+    """What has to be said of a state beside certified ones, in a word or two; empty for those."""
+    if record.kind == "auxiliary":
+        return "auxiliary"
+    return "" if record.certified else "no certificate"

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ribbon_cli.plot.labels import legend_columns
 from ribbon_cli.plot.style import INK, LIGHT_GREY, PALETTE, Style
 
 if TYPE_CHECKING:
@@ -32,6 +33,8 @@ MARKS = {
 """Name and marker of a point by its type."""
 DWARFED = 100.0
 """Ratio of the largest eigenvalue to the median beyond which a linear scale shows most as zero."""
+ONE_PLACE = 0.04
+"""Distance, as part of a panel, below which two branches end at one place."""
 TITLES = ("$E / E_{ring}$", "lowest eigenvalue", "clearance")
 
 
@@ -42,7 +45,7 @@ def arclength_figure(
 
     `courses` are summaries of states by the name of the branch, from its start on; `starts` the lowest
     eigenvalue by label of a start that is no point of a branch. Dashes tell how many directions lead down,
-    colours the branches, marks folds, branch points and contact.
+    colours and numbers at their ends the branches, marks folds, branch points and contact.
     """
     from matplotlib.figure import Figure
 
@@ -50,6 +53,7 @@ def arclength_figure(
     figure = Figure(figsize=(style.width, 0.36 * style.width + rows), layout="constrained")
     panels = figure.subplots(1, 3)
     used: set[int | None] = set()
+    ends: list[list[tuple[float, float]]] = [[] for _ in panels]
     for k, points in enumerate(courses.values()):
         b = np.array([p["half_width"] for p in points])
         energy = np.array([p["energy"] for p in points], dtype=float)
@@ -59,9 +63,11 @@ def arclength_figure(
         stretches = _stretches(points)
         used |= set(stretches)
         colour = PALETTE[k % len(PALETTE)]
-        for axes, values in zip(panels, (energy / ring, lowest, clearance), strict=True):
+        for axes, values, end in zip(panels, (energy / ring, lowest, clearance), ends, strict=True):
             _draw(axes, b, values, stretches, colour, style)
             _mark(axes, points, b, values, colour, style)
+            last = np.flatnonzero(~np.isnan(values))[-1:]
+            end += [(float(b[j]), float(values[j])) for j in last] or [(math.nan, math.nan)]
     for axes, title in zip(panels, TITLES, strict=True):
         axes.set_title(title, loc="left")
         axes.set_xlabel("$b$")
@@ -69,8 +75,40 @@ def arclength_figure(
     _tame(panels[1])
     panels[1].axhline(0.0, color=LIGHT_GREY, linewidth=0.6, zorder=0)
     panels[2].set_ylim(bottom=0.0)
+    if len(courses) > 1:
+        for axes, end in zip(panels, ends, strict=True):
+            _number(axes, end, style)
     _legend(figure, courses, used, style)
     return figure
+
+
+def _number(axes: Axes, ends: Sequence[tuple[float, float]], style: Style) -> None:
+    """The branches' numbers, as the legend has them, where they end; those that end at one place together."""
+    place = axes.transData + axes.transAxes.inverted()
+    groups: list[tuple[np.ndarray, list[int]]] = []
+    for k, end in enumerate(ends):
+        if not all(map(math.isfinite, end)):
+            continue
+        at = place.transform(end)
+        group = next((g for g in groups if np.abs(g[0] - at).max() < ONE_PLACE), None)
+        if group is None:
+            groups.append((at, [k]))
+        else:
+            group[1].append(k)
+    for at, members in groups:
+        # Towards the middle of the panel, so that it stays inside.
+        side = -1 if at[0] > 0.5 else 1
+        axes.annotate(
+            ", ".join(str(k + 1) for k in members),
+            ends[members[0]],
+            xytext=(3 * side, 3 if at[1] < 0.9 else -3),
+            textcoords="offset points",
+            ha="right" if side < 0 else "left",
+            va="bottom" if at[1] < 0.9 else "top",
+            color=PALETTE[members[0] % len(PALETTE)],
+            fontsize=0.9 * style.font,
+            zorder=5,
+        )
 
 
 def _tame(axes: Axes) -> None:
@@ -171,9 +209,12 @@ def _legend(
     """What colours, dashes and marks mean; of these only what is there."""
     from matplotlib.lines import Line2D
 
+    def label(k: int, name: str) -> str:
+        return f"{k + 1} {name}" if len(courses) > 1 else name
+
     types = {p["branch"]["type"] for points in courses.values() for p in points if p.get("branch")}
     handles = [
-        Line2D([], [], color=PALETTE[k % len(PALETTE)], label=name, linewidth=2 * style.line)
+        Line2D([], [], color=PALETTE[k % len(PALETTE)], label=label(k, name), linewidth=2 * style.line)
         for k, name in enumerate(courses)
     ]
     handles += [
@@ -186,4 +227,5 @@ def _legend(
         for kind, (name, marker) in MARKS.items()
         if kind in types
     ]
-    figure.legend(handles=handles, loc="outside upper center", ncols=4, handlelength=3.0)
+    columns = legend_columns([str(handle.get_label()) for handle in handles], figure)
+    figure.legend(handles=handles, loc="outside upper center", ncols=columns, handlelength=3.0)

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from ribbon_cli.export.fields import even_window, field, placed
-from ribbon_cli.export.mesh import strip
+from ribbon_cli.export.mesh import check_shape
+from ribbon_cli.plot.labels import curve_labels, legend_columns
 from ribbon_cli.plot.style import INK, LIGHT_GREY, Style, line_look
 
 if TYPE_CHECKING:
@@ -22,8 +23,6 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 GEOMETRY = {"kappa_s": r"$\kappa_s$", "tau": r"$\tau$", "eta": r"$\eta$", "eta_prime": r"$\eta'$"}
-OF_FOLDS = ("kappa_s", "tau", "eta")
-"""Fields of the fold between two facets, which a cut has none of."""
 DWARFED = 20.0
 """Ratio of two curves' largest values beyond which a linear scale shows the smaller as a flat line."""
 MULTIPLIERS = {f"lambda_{k}": rf"$\lambda_{k}$" for k in range(1, 6)}
@@ -48,16 +47,6 @@ class Curve(Protocol):
         """The formula's values, not-a-number where it divides by zero."""
 
 
-def curve_label(record: StateRecord, records: Sequence[StateRecord]) -> str:
-    """What tells a state from the others in a legend: b, N or both."""
-    parts = []
-    if len({other.half_width for other in records}) > 1 or len(records) == 1:
-        parts.append(f"$b$ = {record.half_width:.4g}")
-    if len({other.segments for other in records}) > 1 or len(records) == 1:
-        parts.append(f"$N$ = {record.segments}")
-    return ", ".join(parts) or f"state {record.label}"
-
-
 def draw_field(
     axes: Axes,
     records: Sequence[StateRecord],
@@ -65,18 +54,18 @@ def draw_field(
     title: str,
     values: Sequence[Array] | None = None,
 ) -> None:
-    """Draw one field of several states over alpha, in the unit of l; `values` in place of what is stored."""
-    length = records[0].length
+    """Draw one field of several states over alpha, in the unit of l; `values` in place of what is stored.
+
+    Raises UsageError for a state that went wrong.
+    """
+    labels = curve_labels(records)
     axes.axhline(0.0, color=LIGHT_GREY, linewidth=0.6, zorder=0)
     for k, record in enumerate(records):
+        check_shape(record)
         window = even_window(record)
         alpha, shown = placed(record, name, values[k], window) if values else field(record, name, window)
-        if name in OF_FOLDS:
-            shown = shown.copy()
-            # There is no fold at a cut: what is stored there is of the strip as if it were closed.
-            shown[list(strip(record).first)] = np.nan
-        axes.plot(alpha, shown, label=curve_label(record, records), zorder=2 + 0.1 * k, **line_look(k))
-    alpha_axis(axes, length)
+        axes.plot(alpha, shown, label=labels[k], zorder=2 + 0.1 * k, **line_look(k))
+    alpha_axis(axes, [record.length for record in records])
     axes.set_title(title, loc="left", fontsize=plain_size() * 1.15)
     axes.margins(y=0.08)
 
@@ -88,9 +77,15 @@ def plain_size() -> float:
     return float(matplotlib.rcParams["font.size"])
 
 
-def alpha_axis(axes: Axes, length: float) -> None:
-    """Alpha from 0 to l with ticks at quarters, in multiples of pi where l is 2 pi."""
+def alpha_axis(axes: Axes, lengths: Sequence[float]) -> None:
+    """Alpha from 0 to l with ticks at quarters, in multiples of pi where l is 2 pi.
+
+    Where lengths differ the axis has room for the longest, and its ticks are numbers.
+    """
+    length = max(lengths)
     axes.set_xlim(0.0, length)
+    if max(lengths) - min(lengths) > 1e-9 * length:
+        return
     axes.set_xticks(np.arange(5) * length / 4)
     if abs(length - 2 * np.pi) < 1e-9:
         axes.set_xticklabels(["0", "π/2", "π", "3π/2", "2π"])
@@ -168,18 +163,21 @@ def _tame(axes: Axes) -> None:
 
 
 def _forces(axes: Axes, records: Sequence[StateRecord]) -> None:
-    """The closure forces as a small table of text, under the title of a panel."""
+    """The closure forces, each beside its state's line, under the title of a panel."""
+    from matplotlib.lines import Line2D
+
     axes.axis("off")
     axes.set_title(r"$|\gamma|$", loc="left", fontsize=plain_size() * 1.15)
-    for k, record in enumerate(records):
-        text = f"{curve_label(record, records)}:  {np.linalg.norm(record.gamma):.3g}"
-        axes.text(0.0, 0.92 - 0.13 * k, text, transform=axes.transAxes, va="top")
+    lines = [
+        Line2D([], [], label=f"{np.linalg.norm(record.gamma):.3g}", **line_look(k))
+        for k, record in enumerate(records)
+    ]
+    axes.legend(handles=lines, loc="upper left", borderaxespad=0.0, handlelength=2.6, fontsize=plain_size())
 
 
 def _legend(figure: Figure, axes: Axes) -> None:
     """One line above the panels that says which curve is which state."""
     handles, labels = axes.get_legend_handles_labels()
     if len(labels) > 1:
-        figure.legend(
-            handles, labels, loc="outside upper center", ncols=min(len(labels), 6), handlelength=2.6
-        )
+        columns = legend_columns(labels, figure)
+        figure.legend(handles, labels, loc="outside upper center", ncols=columns, handlelength=2.6)

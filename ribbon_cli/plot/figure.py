@@ -55,20 +55,25 @@ def reference(record: StateRecord, run: str | None) -> str:
     return f"{run}:{record.label}" if run else f"state {record.label}"
 
 
-def state_caption(records: Sequence[StateRecord], run: str | None) -> str:
-    """One line on the states that a picture shows: which they are, and whether they are certified."""
+def state_caption(records: Sequence[StateRecord], run: str | None, names: Sequence[str] = ()) -> str:
+    """One line on the states that a picture shows: which they are, and whether they are certified.
+
+    `names` are their references where they are of several runs.
+    """
     from ribbon_cli.store import content_sha256
 
     if len(records) > 1:
-        labels = ", ".join(str(record.label) for record in records)
+        labels = ", ".join(names or [str(record.label) for record in records])
         auxiliary = sum(record.kind == "auxiliary" for record in records)
         certified = sum(record.certified and record.kind != "auxiliary" for record in records)
         beside = f", {auxiliary} auxiliary" if auxiliary else ""
-        where = f"{run}:" if run else "states "
+        where = "" if names else f"{run}:" if run else "states "
         return f"{where}{labels} ({certified} of {len(records)} certified{beside})"
     (record,) = records
     linking = record.linking_number
-    links = f"Lk = {round(linking, 6) + 0.0:g}, " if math.isfinite(linking) else ""
+    # Of an open seam no curves are linked: what is stored is Tw + Wr.
+    name = "Tw + Wr" if record.seam_open else "Lk"
+    links = f"{name} = {round(linking, 6) + 0.0:g}, " if math.isfinite(linking) else ""
     return (
         f"{reference(record, run)}, b = {record.half_width:.6g}, N = {record.segments}, "
         f"{links}E = {record.energy:.9g}, {verdict(record)}, "

@@ -34,7 +34,7 @@ class Source:
     `whole_run` says that the reference was to the run; then `states` is empty. `table` gives the run's
     convergence table, `curves` a state's multipliers beside their formulas (UsageError where it has none),
     `mode` the mode to show of a state. `angles` is a chosen view, `segments` the N to show of a run,
-    `beside` are further runs.
+    `beside` are further runs. `names` are the states' references where they are of several runs.
     """
 
     run: Run | None
@@ -45,6 +45,7 @@ class Source:
     angles: tuple[float, float] | None = None
     segments: int | None = None
     beside: tuple[Run, ...] = ()
+    names: tuple[str, ...] = ()
 
     @property
     def whole_run(self) -> bool:
@@ -97,14 +98,23 @@ def _run(source: Source, kind: str) -> Run:
     return source.run
 
 
-def _several(source: Source) -> tuple[StateRecord, ...]:
-    """The states named, or of a run the finest of each half-width, or all widths of the N asked for."""
+def _several(source: Source) -> tuple[tuple[StateRecord, ...], str]:
+    """The states named, or of a run the finest of each half-width, or all widths of the N asked for.
+
+    What of these is left out, because no more can be told apart, is said in words for the title.
+    """
     if not source.whole_run:
-        return source.states
+        return source.states, ""
     assert source.run is not None
-    found = branch(source.run, source.segments) if source.segments else finest(source.run)
-    chosen = _thinned(found, MOST_CURVES)
-    return tuple(source.run.load(state["label"]) for state in chosen)
+    return _spread_out(source.run, source.segments, MOST_CURVES)
+
+
+def _spread_out(run: Run, segments: int | None, most: int) -> tuple[tuple[StateRecord, ...], str]:
+    """At most so many widths of a run, and words for the title where that are not all of them."""
+    found = branch(run, segments) if segments else finest(run)
+    chosen = _thinned(found, most)
+    note = f", {len(chosen)} of {len(found)} half-widths" if len(chosen) < len(found) else ""
+    return tuple(run.load(state["label"]) for state in chosen), note
 
 
 def _thinned(items: Sequence[dict[str, Any]], most: int) -> list[dict[str, Any]]:
@@ -121,26 +131,29 @@ def _shape(source: Source, style: Style) -> Picture:
     if len(states) < 2:
         record = _one(source, "shape")
         return Picture(shape_figure(record, style, source.angles), "Shape", (record,))
-    panels = [Panel(record, _title(record.stage)) for record in states]
+    panels = [Panel(record, _title(record)) for record in states]
     return Picture(shapes_figure(panels, style, aligned=True, angles=source.angles), "Shapes", states)
 
 
-def _title(stage: str) -> str:
-    """A stage's name in short lines."""
-    return "\n".join(fill(part, TITLE_COLUMNS) for part in stage.replace(", ", ",\n").splitlines())
+def _title(record: StateRecord) -> str:
+    """The name of a state's stage in short lines; and that it has no certificate, where it might have one."""
+    parts = record.stage.replace(", ", ",\n").splitlines()
+    if record.kind != "auxiliary" and not record.certified:
+        parts.append("no certificate")
+    return "\n".join(fill(part, TITLE_COLUMNS) for part in parts)
 
 
 def _geometry(source: Source, style: Style) -> Picture:
     from ribbon_cli.plot.curves import geometry_figure
 
-    states = _several(source)
-    return Picture(geometry_figure(states, style), "Signed curvature, torsion, eta and eta'", states)
+    states, note = _several(source)
+    return Picture(geometry_figure(states, style), f"Signed curvature, torsion, eta and eta'{note}", states)
 
 
 def _multipliers(source: Source, style: Style) -> Picture:
     from ribbon_cli.plot.curves import multipliers_figure
 
-    states = _several(source)
+    states, note = _several(source)
     for record in states:
         if not math.isfinite(record.gamma.sum()):
             raise UsageError(
@@ -150,7 +163,7 @@ def _multipliers(source: Source, style: Style) -> Picture:
     title = "Lagrange multipliers"
     if any(curves):
         title += " and, dashed, their explicit formulas on the same shapes"
-    return Picture(multipliers_figure(states, style, curves), title, states)
+    return Picture(multipliers_figure(states, style, curves), title + note, states)
 
 
 def _curves(source: Source, record: StateRecord) -> Sequence[Curve] | None:
@@ -162,17 +175,18 @@ def _curves(source: Source, record: StateRecord) -> Sequence[Curve] | None:
 
 
 def _spectrum(source: Source, style: Style) -> Picture:
+    from ribbon_cli.plot.figure import state_caption
     from ribbon_cli.plot.levels import spectrum_figure
 
-    if not source.whole_run:
-        groups = [source.states]
-    else:
-        groups = [_refined(run) for run in (_run(source, "spectrum"), *source.beside)]
     title = "Eigenvalues of the projected Hessian"
+    if not source.whole_run:
+        return Picture(spectrum_figure([source.states], style), title, source.states)
+    runs = (_run(source, "spectrum"), *source.beside)
+    groups = [_refined(run) for run in runs]
     if source.beside:
-        names = " and ".join(run.short_name for run in source.beside)
-        title += f", row by row; below, {names}"
-    return Picture(spectrum_figure(groups, style), title, tuple(groups[0]))
+        below = [state_caption(g, run.name) for g, run in zip(groups[1:], source.beside, strict=True)]
+        title += f", row by row; below, {' and '.join(below)}; above"
+    return Picture(spectrum_figure(groups, style, [run.short_name for run in runs]), title, groups[0])
 
 
 def _refined(run: Run) -> tuple[StateRecord, ...]:
@@ -210,16 +224,22 @@ def _branch(source: Source, style: Style) -> Picture:
             f"{run.name} has one half-width only at N = {states[0]['segments']}: a branch needs two"
         )
     records = tuple(run.load(state["label"]) for state in states)
-    # Where the run located the first contact, its states are not among the equilibria that someone named.
+    # Where the run located the first contact, its states are not among the equilibria that someone named. It
+    # lies elsewhere on every mesh.
     located = [
         state["half_width"]
         for state in run.states(all=True)
-        if state["self_contact"] and state["certified"] and state["stage"].startswith("contact between")
+        if state["segments"] == states[0]["segments"] and any(map(_is_first_contact, state["events"]))
     ]
-    contact = located[-1] if located else None
+    contact = min(located, default=None)
     lowest = [lowest_value(r, "rotation", "sliding") for r in records]
     figure = branch_figure(states, lowest, style, contact)
     return Picture(figure, "Branch in the width", records)
+
+
+def _is_first_contact(event: str) -> bool:
+    """Whether an event of a state is that the first contact was located at it."""
+    return event.startswith("first contact: ")
 
 
 def _followed(run: Run, followed: dict[str, list[dict[str, Any]]], style: Style) -> Picture:
@@ -244,9 +264,8 @@ def _family(source: Source, style: Style) -> Picture:
     from ribbon_cli.plot.pictures import family_figure
 
     run = _run(source, "family")
-    chosen = branch(run, source.segments) if source.segments else finest(run)
-    records = tuple(run.load(state["label"]) for state in _thinned(chosen, MOST_SHAPES))
-    return Picture(family_figure(records, style, source.angles), "Shapes at several widths", records)
+    records, note = _spread_out(run, source.segments, MOST_SHAPES)
+    return Picture(family_figure(records, style, source.angles), f"Shapes at several widths{note}", records)
 
 
 def _mode(source: Source, style: Style) -> Picture:

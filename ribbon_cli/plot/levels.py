@@ -9,14 +9,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ribbon_cli.errors import UsageError
-from ribbon_cli.plot.curves import curve_label
+from ribbon_cli.plot.labels import curve_labels, legend_columns, width_texts
 from ribbon_cli.plot.style import GREY, LIGHT_GREY, MARKERS, PALETTE, Style, line_look
+from ribbon_cli.report.convergence import is_doubtful
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from ribbon_cli.report.convergence import Table
+    from ribbon_cli.report.convergence import Row, Table
     from ribbon_cli.store import SpectrumRecord, StateRecord
 
 NEGATIVE = "#B00020"
@@ -30,12 +31,14 @@ def spectrum_of(record: StateRecord, metric: str) -> SpectrumRecord | None:
     return next((spectrum for spectrum in record.spectra if spectrum.metric == metric), None)
 
 
-def spectrum_figure(groups: Sequence[Sequence[StateRecord]], style: Style) -> Figure:
+def spectrum_figure(
+    groups: Sequence[Sequence[StateRecord]], style: Style, names: Sequence[str] = ()
+) -> Figure:
     """Sorted eigenvalues of the projected Hessian in each metric, rotations left out, on a logarithmic scale.
 
-    Each group of states has a row, and rows share their scales. Whole spectra are spread over [0, 1], as in
-    Figure 3.14; where all that is stored are the lowest, they are numbered. Raises UsageError where a
-    group has no spectrum.
+    Each group of states has a row, named after `names` if there are several, and rows share their scales.
+    Whole spectra are spread over [0, 1], as in Figure 3.14; where all that is stored are the lowest, they are
+    numbered. Raises UsageError where a group has no spectrum.
     """
     from matplotlib.figure import Figure
 
@@ -48,12 +51,15 @@ def spectrum_figure(groups: Sequence[Sequence[StateRecord]], style: Style) -> Fi
     every = [record for records in groups for record in records]
     metrics = [m for m in METRIC_TITLES if any(spectrum_of(record, m) for record in every)]
     rows = len(groups)
+    # Rows share their scales, so that one way to place modes has to serve all of them.
+    spread = all(_spreads(records, "euclidean") for records in groups)
     figure = Figure(figsize=(style.width, (0.1 + 0.38 * rows) * style.width), layout="constrained")
     panels = figure.subplots(rows, len(metrics), squeeze=False, sharex="col", sharey="col")
-    for row, records in zip(panels, groups, strict=True):
+    rows_named = [f"\n{name}, rule {_rule(g)}" for name, g in zip(names, groups, strict=False)]
+    for k, (row, records) in enumerate(zip(panels, groups, strict=True)):
         for axes, metric in zip(row, metrics, strict=True):
-            draw_spectra(axes, records, metric)
-            axes.set_title(METRIC_TITLES[metric] + (f", rule {_rule(records)}" if rows > 1 else ""))
+            draw_spectra(axes, records, metric, spread and metric == "euclidean")
+            axes.set_title(METRIC_TITLES[metric] + (rows_named[k] if rows > 1 else ""))
             if axes is not panels[-1, list(row).index(axes)]:
                 axes.set_xlabel("")
     labels: dict[str, Any] = {}
@@ -63,7 +69,7 @@ def spectrum_figure(groups: Sequence[Sequence[StateRecord]], style: Style) -> Fi
         labels.values(),
         labels.keys(),
         loc="outside upper center",
-        ncols=min(4, len(labels)),
+        ncols=legend_columns(list(labels), figure),
         handlelength=2.6,
     )
     return figure
@@ -74,21 +80,29 @@ def _rule(records: Sequence[StateRecord]) -> str:
     return " and ".join(dict.fromkeys(record.discretisation for record in records))
 
 
-def draw_spectra(axes: Axes, records: Sequence[StateRecord], metric: str) -> None:
-    """Draw the eigenvalues of several states in one metric into `axes`."""
+def _spreads(records: Sequence[StateRecord], metric: str) -> bool:
+    """Whether spectra are spread over [0, 1]: whole ones in the Euclidean metric.
+
+    There it is the whole spectrum that shrinks with N; in the physical metric each mode's value converges,
+    which is seen where modes are counted.
+    """
+    found = [s for r in records if (s := spectrum_of(r, metric)) is not None]
+    return metric == "euclidean" and all(spectrum.complete for spectrum in found)
+
+
+def draw_spectra(axes: Axes, records: Sequence[StateRecord], metric: str, spread: bool | None = None) -> None:
+    """Draw the eigenvalues of several states in one metric into `axes`, spread over [0, 1] or numbered."""
     found = [(r, s) for r in records if (s := spectrum_of(r, metric)) is not None]
-    # In the Euclidean metric it is the whole spectrum that shrinks with N; in the physical one each mode's
-    # value converges, which is seen where modes are counted.
-    spread = metric == "euclidean" and all(s.complete for _, s in found)
-    for k, (record, spectrum) in enumerate(found):
+    names = curve_labels([record for record, _ in found])
+    spread = _spreads(records, metric) if spread is None else spread
+    for k, (_, spectrum) in enumerate(found):
         values = np.array(
             [v for v, name in zip(spectrum.values, spectrum.labels, strict=True) if name != "rotation"]
         )
         places = np.linspace(0.0, 1.0, values.size) if spread else np.arange(1.0, values.size + 1)
         few = not spread and values.size <= FEW_MODES
         look = line_look(k) | {"marker": MARKERS[k % len(MARKERS)] if few else ""}
-        label = curve_label(record, [r for r, _ in found])
-        axes.plot(places, np.where(values > 0, values, np.nan), label=label, **look)
+        axes.plot(places, np.where(values > 0, values, np.nan), label=names[k], **look)
         negative = values < 0
         if negative.any():
             axes.plot(places[negative], -values[negative], "x", color=NEGATIVE, label="negative, modulus")
@@ -105,14 +119,16 @@ def draw_spectra(axes: Axes, records: Sequence[StateRecord], metric: str) -> Non
 def convergence_figure(table: Table, style: Style) -> Figure:
     """Differences |E_N - E_2N| over N for each half-width, with the slope of second order.
 
-    Raises UsageError where no half-width has two levels.
+    Rings are about differences of an energy without certificate, or of another minimum. Differences of 0,
+    which a logarithmic scale has no place for, are told in the legend. Raises UsageError where no half-width
+    has two levels.
     """
     from matplotlib.figure import Figure
 
-    groups: dict[float, list[tuple[int, float]]] = {}
+    groups: dict[float, list[Row]] = {}
     for row in table.rows:
-        if row.delta:
-            groups.setdefault(row.half_width, []).append((row.segments, row.delta))
+        if row.delta is not None:
+            groups.setdefault(row.half_width, []).append(row)
     if not groups:
         raise UsageError(
             "no half-width of this run has two levels of refinement: see `refinement` in the config, "
@@ -120,12 +136,21 @@ def convergence_figure(table: Table, style: Style) -> Figure:
         )
     figure = Figure(figsize=(0.72 * style.width, 0.5 * style.width), layout="constrained")
     axes = figure.subplots()
-    for k, (b, points) in enumerate(groups.items()):
-        segments, deltas = zip(*points, strict=True)
+    for k, (rows, text) in enumerate(zip(groups.values(), width_texts(list(groups)), strict=True)):
         look = line_look(k) | {"marker": MARKERS[k % len(MARKERS)]}
-        axes.loglog(segments, deltas, label=f"$b$ = {b:.4g}", **look)
-    every = sorted({n for points in groups.values() for n, _ in points})
-    _slope(axes, every, min(d for points in groups.values() for _, d in points))
+        zeros = [str(row.segments) for row in rows if not row.delta]
+        label = f"$b$ = {text}" + (f"\n0 at $N$ = {', '.join(zeros)}" if zeros else "")
+        axes.loglog([r.segments for r in rows], [r.delta or math.nan for r in rows], label=label, **look)
+    doubtful = [row for rows in groups.values() for row in rows if row.delta and is_doubtful(row)]
+    if doubtful:
+        places = [row.segments for row in doubtful], [row.delta or math.nan for row in doubtful]
+        label = "no certificate, or\nanother minimum"
+        axes.plot(*places, "o", color=NEGATIVE, fillstyle="none", markersize=2.6 * style.marker, label=label)
+    every = sorted({row.segments for rows in groups.values() for row in rows})
+    known = [row.delta for rows in groups.values() for row in rows if row.delta]
+    if known:
+        _slope(axes, every, min(known))
+    _decades(axes)
     axes.set_xticks(every, [str(n) for n in every])
     axes.minorticks_off()
     axes.set_xlabel("$N$")
@@ -133,6 +158,14 @@ def convergence_figure(table: Table, style: Style) -> Figure:
     axes.grid(axis="y", color=LIGHT_GREY, linewidth=0.3)
     axes.legend(loc="center left", bbox_to_anchor=(1.02, 0.5), handlelength=2.6)
     return figure
+
+
+def _decades(axes: Axes) -> None:
+    """Widen a logarithmic scale until it shows two powers of ten: none would leave it without numbers."""
+    low, high = axes.get_ylim()
+    first, last = math.ceil(math.log10(low)), math.floor(math.log10(high))
+    if last <= first:
+        axes.set_ylim(min(low, 0.8 * 10.0 ** (last - (last >= first))), max(high, 1.25 * 10.0**first))
 
 
 def _slope(axes: Axes, segments: Sequence[int], least: float) -> None:
@@ -177,7 +210,7 @@ def branch_figure(
     energy = np.array([state["energy"] for state in states], dtype=float)
     clearance = np.array([state["clearance"] for state in states], dtype=float)
     eigenvalues = np.array([np.nan if v is None else v for v in lowest])
-    titles = ("$E / E_{ring}$", "lowest eigenvalue", "clearance")
+    titles = ("$E / E_{ring}$", "lowest eigenvalue but sliding", "clearance")
     for axes, values, title in zip(panels, (energy / ring, eigenvalues, clearance), titles, strict=True):
         axes.plot(b, values, color=PALETTE[0], zorder=1)
         _mark(axes, states, b, values, style)
@@ -194,7 +227,8 @@ def branch_figure(
         if np.nanmin(values, initial=np.inf) > 0 and axes is not panels[0]:
             axes.set_ylim(bottom=0.0)
     handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=4)
+    columns = legend_columns(labels, figure)
+    figure.legend(handles, labels, loc="outside upper center", ncols=columns)
     return figure
 
 

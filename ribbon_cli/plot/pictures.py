@@ -12,6 +12,8 @@ import numpy as np
 from ribbon_cli.export.align import turn_between, turned_alike
 from ribbon_cli.export.mesh import facet_corners
 from ribbon_cli.export.view import View, chosen_view
+from ribbon_cli.export.words import standing
+from ribbon_cli.plot.labels import width_texts
 from ribbon_cli.plot.shape import RULINGS, draw_shape, shown_sides
 from ribbon_cli.plot.style import GREY, Style
 
@@ -76,8 +78,13 @@ class Panel:
 def family_figure(
     records: Sequence[StateRecord], style: Style, angles: tuple[float, float] | None = None
 ) -> Figure:
-    """Shapes in rows at one scale and from one side, labelled with their half-widths."""
-    panels = [Panel(record, f"$b$ = {record.half_width:.4g}") for record in records]
+    """Shapes in rows at one scale and from one side, with half-widths, and which have no certificate."""
+    widths = width_texts([record.half_width for record in records])
+    titles = [
+        "\n".join(filter(None, (f"$b$ = {text}", standing(record))))
+        for text, record in zip(widths, records, strict=True)
+    ]
+    panels = [Panel(record, title) for record, title in zip(records, titles, strict=True)]
     return shapes_figure(panels, style, aligned=True, angles=angles)
 
 

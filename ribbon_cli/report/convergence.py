@@ -41,6 +41,10 @@ SAME_WIDTH = 1e-9
 """Relative difference up to which two half-widths are the same."""
 
 
+_UNCERTIFIED, _ELSEWHERE = "no certificate: ", " is not on the branch of "
+"""What notes say of energies that a difference should not be taken of."""
+
+
 @dataclass(frozen=True)
 class Entry:
     """Energy Q_h of one state: `half_width` b, `segments` N, `energy` (None or not finite: unknown).
@@ -151,9 +155,9 @@ def _row(half_width: float, segments: int, group: Mapping[int, Entry]) -> Row:
     ratio = abs(here / there) if here is not None and there and not broken else None
     turns = here is not None and there is not None and here * there < 0 and not broken
     used = (segments,) if here is None else (segments, 2 * segments)
-    notes = [f"no certificate: E_{n}" for n in used if not group[n].certified]
+    notes = [f"{_UNCERTIFIED}E_{n}" for n in used if not group[n].certified]
     if 2 * segments in broken:
-        notes.append(f"E_{2 * segments} is not on the branch of E_{segments}: {group[2 * segments].breaks}")
+        notes.append(f"E_{2 * segments}{_ELSEWHERE}E_{segments}: {group[2 * segments].breaks}")
     if turns:
         notes.append("the difference changes sign: no order")
     return Row(
@@ -167,6 +171,11 @@ def _row(half_width: float, segments: int, group: Mapping[int, Entry]) -> Row:
         label=group[segments].label,
         note="; ".join(notes),
     )
+
+
+def is_doubtful(row: Row) -> bool:
+    """Whether an energy behind a row's difference has no certificate, or is of another minimum."""
+    return row.note.startswith(_UNCERTIFIED) or _ELSEWHERE in row.note
 
 
 def _extrapolate(half_width: float, group: Mapping[int, Entry], length: float) -> Extrapolation:
