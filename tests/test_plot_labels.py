@@ -181,6 +181,19 @@ def test_widths_that_are_left_out_are_counted(solved, monkeypatch):  # noqa: F81
         assert draw(kind, source, STYLE).title.endswith(", 2 of 4 half-widths")
 
 
+def test_states_of_other_branches_at_the_same_width_are_counted(solved, monkeypatch):  # noqa: F811
+    run = run_named(solved, "mobius")
+    states = run.states()
+    again = [state | {"label": 1, "certified": False} for state in states if state["half_width"] == 0.2]
+    source = Source(run, (), pytest.fail, pytest.fail, segments=48)
+    assert draw("branch", source, STYLE).title == "Branch in the width"
+    monkeypatch.setattr(type(run), "states", lambda self, all=False: [*states, *again])
+    for kind in ("branch", "family", "geometry"):
+        assert draw(kind, source, STYLE).title.endswith("; without 1 more at the same b and N")
+    result = ribbon("export", "mobius", "--to", "html", "-o", "/dev/null/x", "--runs", solved)
+    assert "without 1 more at the same b and N; --segments" in result.stderr
+
+
 def test_the_captions_of_several_runs_name_them(solved, tmp_path, monkeypatch):  # noqa: F811
     monkeypatch.chdir(tmp_path)
     words = ("plot", "mobius@b=0.2,N=48", "geometry", "--with", "ring:1", "--runs", solved)

@@ -75,8 +75,9 @@ def export(
         assert run is not None
         if form == "npz":
             raise UsageError(f"npz takes one state: name one of {run.name}, as in {run.short_name}:1")
-        stem, states = file_stem(run, states, state), states_of_run(form, run, options)
-        say(settings, f"{_title(run, states)}, N = {states[0].segments}; --segments takes another N")
+        stem = file_stem(run, states, state)
+        states, rest = states_of_run(form, run, options)
+        say(settings, f"{_title(run, states)}, N = {states[0].segments}{rest}; --segments takes another N")
     elif segments is not None:
         raise UsageError("--segments goes with a run, and the reference names a state")
     else:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ribbon_cli.errors import UsageError
-from ribbon_cli.export.series import branch
+from ribbon_cli.export.series import branch, left_out
 
 if TYPE_CHECKING:
     from ribbon_cli.store import Run, StateRecord
@@ -129,12 +129,15 @@ def check_options(name: str, options: Options) -> None:
             raise UsageError(f"--{option} does nothing for {name}: it is for {', '.join(fitting)}")
 
 
-def states_of_run(name: str, run: Run, options: Options) -> tuple[StateRecord, ...]:
-    """The states that a format takes of a run, by width. Raises UsageError for a format of single states."""
+def states_of_run(name: str, run: Run, options: Options) -> tuple[tuple[StateRecord, ...], str]:
+    """The states that a format takes of a run, by width, and words on those that these stand for.
+
+    Raises UsageError for a format of single states.
+    """
     found = branch(run, options.segments)
     if not FORMATS[name].series:
         example = f"{run.short_name}:{found[-1]['label']}"
         raise UsageError(f"{name} takes one state: name one of {run.name}, for instance {example}")
     if len(found) > MOST_STATES:
         raise UsageError(f"{run.name} has {len(found)} widths, and {name} takes at most {MOST_STATES}")
-    return tuple(run.load(state["label"]) for state in found)
+    return tuple(run.load(state["label"]) for state in found), left_out(run, found)

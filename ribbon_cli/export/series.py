@@ -26,6 +26,20 @@ def latest(states: list[dict[str, Any]]) -> list[dict[str, Any]]:
     return sorted(chosen, key=lambda state: (state["half_width"], state["segments"]))
 
 
+def left_out(run: Run, chosen: list[dict[str, Any]]) -> str:
+    """Words on the equilibria at the widths and N of chosen ones that these stand for; empty where none.
+
+    They may be solved again, or lie on other branches.
+    """
+    every = run.states()
+    count = sum(
+        same_width(state, one) and state["segments"] == one["segments"] and state["label"] != one["label"]
+        for one in chosen
+        for state in every
+    )
+    return f"; without {count} more at the same b and N" if count else ""
+
+
 def same_width(one: dict[str, Any], other: dict[str, Any]) -> bool:
     """Whether two states have the same half-width, as references understand it."""
     return math.isclose(one["half_width"], other["half_width"], rel_tol=WIDTH_TOLERANCE)

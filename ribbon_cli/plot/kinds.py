@@ -9,7 +9,7 @@ from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 from ribbon_cli.errors import UsageError
-from ribbon_cli.export.series import branch, courses, finest, latest, levels
+from ribbon_cli.export.series import branch, courses, finest, latest, left_out, levels
 from ribbon_cli.plot.style import Style, styled
 
 if TYPE_CHECKING:
@@ -114,7 +114,7 @@ def _spread_out(run: Run, segments: int | None, most: int) -> tuple[tuple[StateR
     found = branch(run, segments) if segments else finest(run)
     chosen = _thinned(found, most)
     note = f", {len(chosen)} of {len(found)} half-widths" if len(chosen) < len(found) else ""
-    return tuple(run.load(state["label"]) for state in chosen), note
+    return tuple(run.load(state["label"]) for state in chosen), note + left_out(run, chosen)
 
 
 def _thinned(items: Sequence[dict[str, Any]], most: int) -> list[dict[str, Any]]:
@@ -234,7 +234,7 @@ def _branch(source: Source, style: Style) -> Picture:
     contact = min(located, default=None)
     lowest = [lowest_value(r, "rotation", "sliding") for r in records]
     figure = branch_figure(states, lowest, style, contact)
-    return Picture(figure, "Branch in the width", records)
+    return Picture(figure, f"Branch in the width{left_out(run, states)}", records)
 
 
 def _is_first_contact(event: str) -> bool:
