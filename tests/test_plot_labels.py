@@ -131,6 +131,20 @@ def test_rows_of_spectra_place_their_modes_alike(solved):  # noqa: F811
     assert alone.get_xdata()[[0, -1]].tolist() == [0.0, 1.0]
 
 
+def test_rows_of_other_meshes_have_legends_of_their_own(solved):  # noqa: F811
+    """A line's look says which mesh it is in its own row alone."""
+    coarse, fine = states_of(solved, "ring")[0], states_of(solved, "ring")[-1]
+    assert coarse.segments != fine.segments
+    alike = replace(fine, discretisation="value-average")
+    figure = spectrum_figure([[coarse], [fine]], STYLE, ["one", "other"])
+    texts = [axes.get_legend().get_texts()[0].get_text() for axes in figure.axes[::2]]
+    assert [f"$N$ = {state.segments}" in text for state, text in zip((coarse, fine), texts, strict=True)] == [
+        True
+    ] * 2
+    assert not figure.legends
+    assert legend(spectrum_figure([[fine], [alike]], STYLE, ["one", "other"]))
+
+
 def test_branches_are_numbered_where_they_end():
     def course(*places: tuple[float, float]) -> list[dict]:
         return [

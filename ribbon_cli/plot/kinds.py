@@ -185,7 +185,7 @@ def _spectrum(source: Source, style: Style) -> Picture:
     groups = [_refined(run) for run in runs]
     if source.beside:
         below = [state_caption(g, run.name) for g, run in zip(groups[1:], source.beside, strict=True)]
-        title += f", row by row; below, {' and '.join(below)}; above"
+        title += f", row by row; below, {' and '.join(below)}"
     return Picture(spectrum_figure(groups, style, [run.short_name for run in runs]), title, groups[0])
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -62,17 +62,23 @@ def spectrum_figure(
             axes.set_title(METRIC_TITLES[metric] + (rows_named[k] if rows > 1 else ""))
             if axes is not panels[-1, list(row).index(axes)]:
                 axes.set_xlabel("")
-    labels: dict[str, Any] = {}
-    for axes in panels.ravel():
-        labels |= dict(zip(*reversed(axes.get_legend_handles_labels()), strict=True))
-    figure.legend(
-        labels.values(),
-        labels.keys(),
-        loc="outside upper center",
-        ncols=legend_columns(list(labels), figure),
-        handlelength=2.6,
-    )
+    entries = [_entries(row) for row in panels]
+    if all(found.keys() == entries[0].keys() for found in entries):
+        columns = legend_columns(list(entries[0]), figure)
+        handles = entries[0].values()
+        figure.legend(handles, entries[0].keys(), loc="outside upper center", ncols=columns, handlelength=2.6)
+    else:  # one line may stand for different meshes in different rows
+        for row, found in zip(panels, entries, strict=True):
+            row[0].legend(found.values(), found.keys(), loc="upper left", handlelength=2.6)
     return figure
+
+
+def _entries(row: Iterable[Axes]) -> dict[str, Any]:
+    """What the panels of a row have to say in a legend, once each: lines by label."""
+    found: dict[str, Any] = {}
+    for axes in row:
+        found |= dict(zip(*reversed(axes.get_legend_handles_labels()), strict=True))
+    return found
 
 
 def _rule(records: Sequence[StateRecord]) -> str:
