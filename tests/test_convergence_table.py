@@ -350,6 +350,13 @@ def test_text_is_aligned_and_plain(table):
     assert "order not settled, E_400 shown" in as_text(table)
 
 
+@pytest.mark.parametrize("name", ["text", "markdown", "latex"])
+def test_widths_are_written_so_that_references_find_them(name):
+    """`@b=` matches to 1e-9, and a schedule of equal steps has widths of many digits."""
+    page = RENDERERS[name](convergence_rows(entries(0.1 + 1.45 / 30, [3.0, 3.1])), ())
+    assert page.count("0.1483333333") == 3
+
+
 def test_markdown_rows_have_as_many_cells_as_the_head(doubtful, table):
     for page in (
         as_markdown(doubtful),

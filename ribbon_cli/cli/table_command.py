@@ -125,7 +125,7 @@ def _uncertified(run: Run, table: Table, outcome: Outcome | None) -> list[str]:
     """A line for each energy without certificate that is no target, which the outcome speaks of."""
     targets = {(target.half_width, target.segments) for target in (outcome.targets if outcome else ())}
     return [
-        f"{run.short_name}:{row.label}: no certificate at b = {row.half_width:g}, N = {row.segments}"
+        f"{run.short_name}:{row.label}: no certificate at b = {row.half_width:.10g}, N = {row.segments}"
         for row in table.rows
         if not row.certified and (row.half_width, row.segments) not in targets
     ]
@@ -148,7 +148,7 @@ def _comparison(settings: Settings, run: Run, table: Table, other: Entry | None)
     missing: dict[str, list[str]] = {}
     for item in comparison:
         if not any(is_at(row, item.half_width, item.segments) for row in table.rows):
-            missing.setdefault(f"b = {item.half_width:g}", []).append(str(item.segments))
+            missing.setdefault(f"b = {item.half_width:.10g}", []).append(str(item.segments))
     if missing:
         places = "; ".join(f"{b}, N = {', '.join(segments)}" for b, segments in missing.items())
         say(settings, f"in Table 3.1 but not in {run.name}: {places}")

@@ -49,7 +49,7 @@ def _summary(run: Run, records: list[StateRecord]) -> list[str]:
     touching = [state["half_width"] for state in states if state["self_contact"]]
     contact = "No self-contact."
     if touching:
-        contact = f"Self-contact at {len(touching)} of the equilibria, the narrowest b = {min(touching):.6g}."
+        contact = f"Self-contact at {len(touching)} of the equilibria, the narrowest b = {min(touching):.10g}."
     worst = max((r for state in states if (r := state["kkt_residual"]) is not None), default=float("nan"))
     linking = sorted(
         {round(state["linking_number"], 6) + 0.0 for state in states if state["linking_number"] is not None}
@@ -89,7 +89,7 @@ def _states(states: list[dict[str, Any]]) -> str:
         negative = state["negative_eigenvalues"]
         rows.append(
             [
-                (f"{state['half_width']:.6g}", "n"),
+                (f"{state['half_width']:.10g}", "n"),
                 (str(state["segments"]), "n"),
                 (str(state["label"]), "n"),
                 (_number(state["energy"], ".9f"), "n"),

@@ -75,7 +75,7 @@ def state_caption(records: Sequence[StateRecord], run: str | None, names: Sequen
     name = "Tw + Wr" if record.seam_open else "Lk"
     links = f"{name} = {round(linking, 6) + 0.0:g}, " if math.isfinite(linking) else ""
     return (
-        f"{reference(record, run)}, b = {record.half_width:.6g}, N = {record.segments}, "
+        f"{reference(record, run)}, b = {record.half_width:.10g}, N = {record.segments}, "
         f"{links}E = {record.energy:.9g}, {verdict(record)}, "
         f"sha256 {content_sha256(record)[:12]}"
     )

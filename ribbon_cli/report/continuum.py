@@ -186,7 +186,7 @@ def _sections(items: Sequence[Any]) -> list[tuple[str, list[Any]]]:
 
 def _headline(of: Continuum | OrderTable) -> str:
     seam = "one-sided" if of.sigma < 0 else "orientable"
-    return f"b = {of.half_width:g}, length {of.length:.6g}, {seam}, {of.discretisation}"
+    return f"b = {of.half_width:.10g}, length {of.length:.6g}, {seam}, {of.discretisation}"
 
 
 def _places(inflections: Sequence[float]) -> str:

@@ -53,7 +53,7 @@ def convergence_text(document: Document) -> str:
     blocks = []
     for half_width, rows in _by_width(document):
         blocks.append(
-            f"b = {half_width:g}, {document['metric']} metric: {document['formula']}\n{_aligned(rows)}"
+            f"b = {half_width:.10g}, {document['metric']} metric: {document['formula']}\n{_aligned(rows)}"
         )
         blocks += [_reasons(document, half_width)]
     if document["notes"]:
@@ -65,7 +65,7 @@ def convergence_markdown(document: Document) -> str:
     """The same with pipe tables."""
     blocks = []
     for half_width, rows in _by_width(document):
-        blocks.append(f"b = {half_width:g}, {document['metric']} metric\n\n{_pipes(rows)}")
+        blocks.append(f"b = {half_width:.10g}, {document['metric']} metric\n\n{_pipes(rows)}")
     blocks += [f"- {note}" for note in document["notes"]]
     return "\n\n".join(blocks) + "\n"
 
@@ -101,7 +101,7 @@ def run_text(document: Document) -> str:
         hidden = sum(mode["label"] == "checkerboard" for mode in state["modes"])
         small = sum(value < 1e-2 * values[len(values) // 2] for value in values)
         figures = [f"{values[0]:.6g}", f"{values[0] / state['h']:.6g}", str(hidden), str(small)]
-        place = [f"{state['half_width']:g}", str(state["segments"]), state["discretisation"]]
+        place = [f"{state['half_width']:.10g}", str(state["segments"]), state["discretisation"]]
         rows.append([*place, str(len(values)), *figures])
     return f"{document['metric']} metric, all eigenvalues besides rotations\n\n{_aligned(rows)}\n"
 
@@ -134,7 +134,7 @@ def renderers(document: Document) -> dict[str, Callable[[Document], str]]:
 
 def _heading(document: Document) -> list[str]:
     symmetry = document["symmetry"]
-    place = f"b = {document['half_width']:g}, N = {document['segments']}, {document['discretisation']}"
+    place = f"b = {document['half_width']:.10g}, N = {document['segments']}, {document['discretisation']}"
     lines = [
         f"{place}; {document['metric']} metric: {document['formula']}",
         f"symmetry {symmetry['group']}, order {symmetry['order']}, residual {symmetry['residual']:.0e}",

@@ -144,7 +144,7 @@ def with_error(value: float, error: float | None) -> str:
 
 
 def _sentence(item: Extrapolation) -> str:
-    start = f"b = {item.half_width:g}: "
+    start = f"b = {item.half_width:.10g}: "
     if item.energy is None:
         return f"{start}no value ({item.reason})"
     state = "" if item.settled else f"order not settled, E_{item.segments} shown: "
@@ -157,7 +157,7 @@ def _number(value: float | None, spec: str) -> str:
 
 def _cells(row: Row) -> list[str]:
     return [
-        f"{row.half_width:g}",
+        f"{row.half_width:.10g}",
         str(row.segments),
         _number(row.energy, ".9f"),
         _number(row.delta, ".6g"),
