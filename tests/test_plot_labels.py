@@ -276,6 +276,18 @@ def test_a_state_that_went_wrong_is_exported_as_numbers_alone(form, wrong, tmp_p
     assert "Error:" not in result.stderr
 
 
+@pytest.mark.parametrize("form", ["obj", "ply", "csv"])
+def test_a_status_adds_no_lines_to_a_file(form, solved, tmp_path):  # noqa: F811
+    state = states_of(solved, "ring")[0]
+    sizes = []
+    for status in ("stalled", "stalled\nv 9 9 9\n# 1,2,3"):
+        source, path = tmp_path / "given.h5", tmp_path / f"x{len(sizes)}.{form}"
+        source.write_bytes(encode(replace(state, certified=False, status=status)))
+        assert ribbon("export", source, "--to", form, "-o", path).exit_code == 0
+        sizes.append(path.read_bytes().count(b"\n"))
+    assert sizes[0] == sizes[1]
+
+
 def test_a_report_calls_rounding_zero(tmp_path):
     with np.errstate(all="raise", under="ignore"):
         run = solve(parse_config(QUICK_RING, "test"), runs=tmp_path).run

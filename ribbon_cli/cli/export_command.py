@@ -103,10 +103,11 @@ def export(
 
 
 def _title(run: Run | None, states: tuple[StateRecord, ...]) -> str:
-    """What a file says of its data."""
+    """What a file says of its data, in one line whatever a state from elsewhere holds."""
     from ribbon_cli.plot.figure import state_caption
+    from ribbon_cli.text import visible
 
-    return state_caption(states, run.name if run else None)
+    return visible(state_caption(states, run.name if run else None))
 
 
 def _write(path: str, data: list[bytes], overwrite: bool) -> list[str]:

@@ -49,7 +49,9 @@ def _summary(run: Run, records: list[StateRecord]) -> list[str]:
     touching = [state["half_width"] for state in states if state["self_contact"]]
     contact = "No self-contact."
     if touching:
-        contact = f"Self-contact at {len(touching)} of the equilibria, the narrowest b = {min(touching):.10g}."
+        contact = (
+            f"Self-contact at {len(touching)} of the equilibria, the narrowest b = {min(touching):.10g}."
+        )
     worst = max((r for state in states if (r := state["kkt_residual"]) is not None), default=float("nan"))
     linking = sorted(
         {round(state["linking_number"], 6) + 0.0 for state in states if state["linking_number"] is not None}
