@@ -276,6 +276,17 @@ def test_a_state_that_went_wrong_is_exported_as_numbers_alone(form, wrong, tmp_p
     assert "Error:" not in result.stderr
 
 
+def test_texts_of_a_state_are_no_formulas(solved, tmp_path):  # noqa: F811
+    """A stage or status with dollar signs is text; as a formula it might be none."""
+    odd = replace(states_of(solved, "ring")[0], certified=False, status="a $_{$ b", stage="c $_{$ d")
+    path = tmp_path / "odd.h5"
+    path.write_bytes(encode(odd))
+    for more in ((), ("--with", path)):
+        result = ribbon("plot", path, "shape", *more, "-o", tmp_path / "x.svg", "--overwrite")
+        assert result.exit_code == 0, result.stderr
+    assert "c $_{$ d" in (tmp_path / "x.svg").read_text(encoding="utf-8")
+
+
 @pytest.mark.parametrize("form", ["obj", "ply", "csv"])
 def test_a_status_adds_no_lines_to_a_file(form, solved, tmp_path):  # noqa: F811
     state = states_of(solved, "ring")[0]

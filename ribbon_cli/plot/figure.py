@@ -94,7 +94,7 @@ def add_caption(figure: Figure, caption: str, style: Style) -> None:
     lines = textwrap.wrap(caption, columns)
     figure.set_figheight(figure.get_figheight() + LEADING * size * len(lines) / 72)
     text = "\n".join(lines)
-    figure.supxlabel(text, x=0.005, ha="left", fontsize=size, color=GREY)
+    figure.supxlabel(text, x=0.005, ha="left", fontsize=size, color=GREY, parse_math=False)
 
 
 def image(figure: Figure, form: str, style: Style, title: str, caption: str) -> bytes:

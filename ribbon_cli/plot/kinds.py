@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from ribbon_cli.errors import UsageError
 from ribbon_cli.export.series import branch, courses, finest, latest, left_out, levels
 from ribbon_cli.plot.style import Style, styled
+from ribbon_cli.text import visible
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -137,7 +138,7 @@ def _shape(source: Source, style: Style) -> Picture:
 
 def _title(record: StateRecord) -> str:
     """The name of a state's stage in short lines; and that it has no certificate, where it might have one."""
-    parts = record.stage.replace(", ", ",\n").splitlines()
+    parts = visible(record.stage).replace("$", r"\$").replace(", ", ",\n").splitlines()
     if record.kind != "auxiliary" and not record.certified:
         parts.append("no certificate")
     return "\n".join(fill(part, TITLE_COLUMNS) for part in parts)
