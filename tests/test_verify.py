@@ -145,6 +145,12 @@ def test_values_that_are_not_finite_are_a_line_and_no_error(records):
     ]
 
 
+def test_verify_does_not_call_nothing_in_order(folder):
+    result = ribbon("verify", "--runs", "nowhere")
+    assert (result.exit_code, result.stdout) == (0, "")
+    assert result.stderr == "no runs in nowhere (see --runs): nothing to verify\n"
+
+
 def test_verify_says_that_all_is_in_order(folder):
     for words, what in (
         (("all",), "1 run, 6 states"),

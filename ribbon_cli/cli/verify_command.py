@@ -59,6 +59,9 @@ def document(found: Verification) -> dict[str, object]:
 
 def conclude(settings: Settings, found: Verification) -> int:
     """Say in a line how it went; return the exit code."""
+    if not (found.runs or found.states or found.problems):
+        say(settings, f"no runs in {settings.root} (see --runs): nothing to verify")
+        return 0
     what = f"{found.runs} run{'s' * (found.runs != 1)}, " if found.runs else ""
     what += f"{found.states} state{'s' * (found.states != 1)}"
     if not found.problems:
