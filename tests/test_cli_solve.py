@@ -82,7 +82,7 @@ def test_solve_prints_a_table_of_targets(scripted):
     assert lines[0][:6] == ["b", "N", "label", "E", "status", "Lk"]
     assert lines[1][:6] == ["0.5", "50", "1", "5.140000000", "minimum", "0.5"]
     assert lines[2][-1] == "yes"
-    assert "1 new state" in result.stderr
+    assert "1 new state; `ribbon ls mobius` lists the run" in result.stderr
     (config, root), options = calls[0]
     assert (config.name, str(root), options["fresh"]) == ("mobius", "runs", False)
     assert options["argv"] == ("ribbon", "solve", "mobius.yaml")

@@ -19,8 +19,11 @@ from ribbon_cli.store import (
     resolve_state,
     runs_root,
     suggest,
+    typed,
     write_atomic,
 )
+from ribbon_cli.store.root import named
+from ribbon_cli.store.run import Run
 
 
 @pytest.fixture(scope="module")
@@ -53,6 +56,18 @@ def test_root_comes_from_the_option_then_the_environment(monkeypatch):
     monkeypatch.setenv("RIBBON_RUNS", "/data/runs")
     assert runs_root(None) == Path("/data/runs")
     assert runs_root("mine") == Path("mine")
+
+
+def test_a_run_is_named_so_that_the_command_finds_it(root, monkeypatch):
+    names = "mobius-pi-0123abcd", "twin-00000001", "mobius-pi-0123abcd.old-1"
+    run, twin, aside = (root / name for name in names)
+    monkeypatch.setenv("RIBBON_RUNS", str(root))
+    assert [typed(Run(path)) for path in (run, twin, aside)] == ["mobius-pi", *names[1:]]
+    monkeypatch.setenv("RIBBON_RUNS", "elsewhere")
+    for path in (run, twin, aside):
+        assert typed(Run(path)) == str(path)
+        assert find_run("elsewhere", typed(Run(path))).path == path
+    assert named(Path("two words") / run.name) == f"'two words/{run.name}'"
 
 
 def test_runs_are_listed_without_those_set_aside(root, tmp_path):
@@ -144,7 +159,7 @@ def test_states_are_found(root, ref, label):
         ("mobius-pi@N=1.5", "N must be a number"),
         ("mobius-pi@b=nan", "b must be a number, got .nan. \\(not made of numbers"),
         ("mobius-pi@b=1/0", "b must be a number, got .1/0. \\(division by zero\\)"),
-        ("mobius-pi-wide@b=1", "has no equilibria yet; `ribbon ls mobius-pi-wide --all`"),
+        ("mobius-pi-wide@b=1", r"has no equilibria yet; `ribbon ls \S*/mobius-pi-wide-0123abcd --all`"),
         ("mobiuspi@b=0.5", "did you mean mobius-pi"),
         ("none/0001.h5", "no such file"),
     ],

@@ -86,13 +86,14 @@ def continue_(
 def _report(settings: Settings, outcome: Outcome) -> int:
     """Print the branches, and name on standard error those that broke off; return the exit code."""
     from ribbon_cli.cli.render import branch_text
+    from ribbon_cli.store import typed
 
     if settings.json:
         emit_json(_document(outcome))
     else:
         emit("\n\n".join(branch_text(course) for course in outcome.branches))
     new = f"{outcome.new_states} new state{'s' * (outcome.new_states != 1)}"
-    say(settings, f"{outcome.run.path}: {new}; `ribbon show {outcome.run.short_name}` shows its branches")
+    say(settings, f"{outcome.run.path}: {new}; `ribbon show {typed(outcome.run)}` shows its branches")
     for failure in outcome.failures:
         complain(f"ribbon: {failure}")
     return outcome.exit_code

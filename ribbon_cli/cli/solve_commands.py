@@ -79,6 +79,7 @@ def report(settings: Settings, outcome: Outcome) -> int:
     The outcome's notes have been shown as they came up; only JSON repeats them.
     """
     from ribbon_cli.cli.render import branch_text, gathered, targets_table
+    from ribbon_cli.store import typed
 
     states = {state["label"]: state for state in outcome.run.states(all=True)}
     if settings.json:
@@ -101,7 +102,7 @@ def report(settings: Settings, outcome: Outcome) -> int:
         for course in outcome.branches:
             emit("\n" + branch_text(course))
     new = f"{outcome.new_states} new state{'s' * (outcome.new_states != 1)}"
-    say(settings, f"{outcome.run.path}: {new}; `ribbon ls {outcome.run.short_name}` lists the run")
+    say(settings, f"{outcome.run.path}: {new}; `ribbon ls {typed(outcome.run)}` lists the run")
     for failure in gathered(outcome.failures):
         complain(f"ribbon: {failure}")
     return outcome.exit_code

@@ -16,9 +16,10 @@ from ribbon_cli.store.refs import (
     list_runs,
     names_state,
     resolve_state,
-    runs_root,
     suggest,
+    typed,
 )
+from ribbon_cli.store.root import runs_root
 from ribbon_cli.store.run import Run
 from ribbon_cli.store.summaries import summary
 
@@ -46,6 +47,7 @@ __all__ = [
     "runs_root",
     "suggest",
     "summary",
+    "typed",
     "write_arrays",
     "write_atomic",
 ]

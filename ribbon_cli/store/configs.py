@@ -12,6 +12,7 @@ from ribbon_cli.errors import StoreError
 from ribbon_cli.store.atomic import put_aside, write_atomic
 from ribbon_cli.store.folder import CONFIG, RESOLVED
 from ribbon_cli.store.hdf5 import decode_bytes, read_bytes
+from ribbon_cli.store.root import named
 
 _KEYS = {CONFIG: "config_text", RESOLVED: "config_resolved"}
 """Where a state's provenance keeps the config files."""
@@ -44,7 +45,7 @@ def require(folder: Path, events: Iterable[Mapping[str, Any]]) -> None:
     """
     for path, reason in differing(folder, committed(events)):
         raise StoreError(
-            f"{path}: {reason}; `ribbon repair {folder.name}` restores it from a state, "
+            f"{path}: {reason}; `ribbon repair {named(folder)}` restores it from a state, "
             "`ribbon solve --fresh` keeps the run aside and starts over"
         )
 

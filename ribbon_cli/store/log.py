@@ -24,6 +24,7 @@ from typing import Any
 from ribbon_cli.errors import StoreError
 from ribbon_cli.store.atomic import is_passing, without_waiting, write_all, write_error
 from ribbon_cli.store.events import check_event
+from ribbon_cli.store.root import named
 
 _TAIL = len(',"crc32":"01234567"}')
 _DEEPEST = 50
@@ -100,7 +101,7 @@ def _unreadable(path: Path, error: OSError) -> StoreError:
 
 def _advice(path: Path) -> str:
     """What to do about a damaged log."""
-    return f"`ribbon repair {path.parent.name}` rebuilds it"
+    return f"`ribbon repair {named(path.parent)}` rebuilds it"
 
 
 def read_lines(path: Path, start: int = 0) -> list[bytes]:

@@ -26,6 +26,7 @@ from ribbon_cli.store.folder import (
 from ribbon_cli.store.hdf5 import decode_bytes, read_bytes
 from ribbon_cli.store.preamble import check_seal, check_version
 from ribbon_cli.store.record import StateRecord
+from ribbon_cli.store.root import named
 from ribbon_cli.store.summaries import describe
 
 
@@ -55,7 +56,7 @@ def sweep(folder: Path, events: Sequence[Mapping[str, Any]]) -> list[str]:
     for label in sorted(known - files.keys())[:1]:
         raise StoreError(
             f"{folder / state_name(label)}: missing, though it was committed; "
-            f"`ribbon repair {folder.name}` marks it as lost, and it will be computed again"
+            f"`ribbon repair {named(folder)}` marks it as lost, and it will be computed again"
         )
     configs.require(folder, events)
     if notes:

@@ -11,6 +11,7 @@ from typing import Any
 from ribbon_cli.errors import UsageError
 from ribbon_cli.expression import evaluate
 from ribbon_cli.store.folder import is_run
+from ribbon_cli.store.root import named
 from ribbon_cli.store.run import Run
 
 WIDTH_TOLERANCE = 1e-9
@@ -18,11 +19,6 @@ WIDTH_TOLERANCE = 1e-9
 _FILES = (".h5", ".hdf5", ".npz")
 _SHOWN = 12
 """Most names or values that a message lists."""
-
-
-def runs_root(option: str | None = None) -> Path:
-    """Folder of the runs: the option, else RIBBON_RUNS, else ./runs."""
-    return Path(option or os.environ.get("RIBBON_RUNS") or "runs")
 
 
 def list_runs(root: str | Path, aside: bool = False) -> list[Run]:
@@ -63,6 +59,18 @@ def find_run(root: str | Path, text: str) -> Run:
         raise UsageError(f"no run {text!r}: there are no runs in {root} (see --runs)")
     near = suggest(text, [run.short_name for run in runs])
     raise UsageError(f"no run {text!r} in {root}{near or ': it has ' + _join(run.name for run in runs)}")
+
+
+def typed(run: Run) -> str:
+    """What names a run in a command: its own name where no other has it, else its folder's, or its path."""
+    name, short = named(run.path), run.short_name
+    if name != run.name:
+        return name
+    try:
+        fitting = [other.name for other in list_runs(run.path.parent) if other.short_name == short]
+    except UsageError:  # a folder that may be entered and not be listed
+        return name
+    return short if fitting == [name] else name
 
 
 def names_state(ref: str) -> bool:
@@ -149,7 +157,7 @@ def _parse_query(ref: str, query: str) -> dict[str, float]:
 
 def no_equilibria(run: Run) -> str:
     """Why there is nothing to say of a run's equilibria, and where its other states are listed."""
-    return f"{run.name} has no equilibria yet; `ribbon ls {run.short_name} --all` lists its states"
+    return f"{run.name} has no equilibria yet; `ribbon ls {typed(run)} --all` lists its states"
 
 
 def _find_equilibrium(run: Run, wanted: dict[str, float]) -> int:

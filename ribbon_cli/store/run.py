@@ -38,6 +38,7 @@ from ribbon_cli.store.hdf5 import decode_bytes, encode, read_bytes
 from ribbon_cli.store.lock import RunLock
 from ribbon_cli.store.record import StateRecord
 from ribbon_cli.store.recovery import repair, sweep
+from ribbon_cli.store.root import named
 from ribbon_cli.store.stored import StoredRecord
 from ribbon_cli.store.summaries import agrees, describe, summary
 
@@ -246,7 +247,7 @@ class Run:
         path = f"{self.path}/{state_name(label)}"  # a Path takes longer to make than the file to hash
         data = read_bytes(path)
         if hashlib.sha256(data).hexdigest() != entry["sha256"]:
-            advice = f"`ribbon repair {self.name}` puts it aside"
+            advice = f"`ribbon repair {named(self.path)}` puts it aside"
             raise StoreError(f"{path}: damaged: not the bytes that were committed; {advice}")
         return data
 

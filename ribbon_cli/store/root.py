@@ -1,0 +1,23 @@
+"""Where runs are looked for, and what names one in a command that is to be typed."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+
+def runs_root(option: str | None = None) -> Path:
+    """Folder of the runs: the option, else RIBBON_RUNS, else ./runs."""
+    return Path(option or os.environ.get("RIBBON_RUNS") or "runs")
+
+
+def named(folder: Path) -> str:
+    """What names a run in a command without `--runs`: its folder's name, or its path where it lies elsewhere.
+
+    A message with the name alone would send its reader to another run, or to none.
+    """
+    if os.path.abspath(folder.parent) == os.path.abspath(runs_root()):
+        return folder.name
+    import shlex
+
+    return shlex.quote(str(folder))
