@@ -116,7 +116,7 @@ def test_what_decides() -> None:
     )
     assert (stable.kind, stable.gap, stable.negative) == ("stable", 1.0, 0)
     assert "sliding, free in the continuum, costs 0.001" in stable.sentence
-    assert "1 checkerboard modes" in stable.sentence
+    assert "1 checkerboard mode, of" in stable.sentence
     short = judge((*ROTATIONS, mode(1e-3, "sliding")), TRUSTED, [], False)
     assert (short.kind, short.gap) == ("stable", None)
     assert "not among the modes computed" in short.sentence

@@ -148,6 +148,7 @@ def test_states_are_found(root, ref, label):
         ("mobius-pi:two", "a label is a whole number"),
         ("mobius-pi:-1", "a label is a whole number"),
         ("mobius-pi", "is a run: name one of its states, for instance mobius-pi:5"),
+        ("mobius-pi-0", "is a run: name one of its states, for instance mobius-pi-0:5"),
         ("mobius-pi@b=0.4", r"has no equilibrium with b = 0\.4: it has b = 0\.3, 0\.5"),
         ("mobius-pi@b=0.500000001,N=50", r"has no equilibrium with b = 0\.500000001"),
         ("mobius-pi@b=0.5,N=400", r"has no equilibrium with b = 0\.5 and N = 400: it has N = 50, 100"),

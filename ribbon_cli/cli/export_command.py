@@ -60,7 +60,7 @@ def export(
     one N, by width.
     """
     from ribbon_cli.export.formats import FORMATS, Options, check_options, states_of_run
-    from ribbon_cli.store import content_sha256, suggest
+    from ribbon_cli.store import content_sha256, suggest, typed
 
     if form not in EXPORT_FORMATS:
         known = f"known: {', '.join(EXPORT_FORMATS)}"
@@ -74,7 +74,7 @@ def export(
     if not states:
         assert run is not None
         if form == "npz":
-            raise UsageError(f"npz takes one state: name one of {run.name}, as in {run.short_name}:1")
+            raise UsageError(f"npz takes one state: name one of {run.name}, as in {typed(run)}:1")
         stem = file_stem(run, states, state)
         states, rest = states_of_run(form, run, options)
         say(settings, f"{_title(run, states)}, N = {states[0].segments}{rest}; --segments takes another N")

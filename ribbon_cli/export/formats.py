@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from ribbon_cli.errors import UsageError
 from ribbon_cli.export.series import branch, left_out
+from ribbon_cli.store.refs import typed
 
 if TYPE_CHECKING:
     from ribbon_cli.store import Run, StateRecord
@@ -136,7 +137,7 @@ def states_of_run(name: str, run: Run, options: Options) -> tuple[tuple[StateRec
     """
     found = branch(run, options.segments)
     if not FORMATS[name].series:
-        example = f"{run.short_name}:{found[-1]['label']}"
+        example = f"{typed(run)}:{found[-1]['label']}"
         raise UsageError(f"{name} takes one state: name one of {run.name}, for instance {example}")
     if len(found) > MOST_STATES:
         raise UsageError(f"{run.name} has {len(found)} widths, and {name} takes at most {MOST_STATES}")

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from ribbon_cli.errors import UsageError
 from ribbon_cli.export.series import branch, courses, finest, latest, left_out, levels
 from ribbon_cli.plot.style import Style, styled
+from ribbon_cli.store.refs import typed
 from ribbon_cli.text import visible
 
 if TYPE_CHECKING:
@@ -85,7 +86,7 @@ def _one(source: Source, kind: str) -> StateRecord:
         example = finest(source.run)[-1]["label"]
         raise UsageError(
             f"{kind} shows one state: name one of {source.run.name}, "
-            f"for instance {source.run.short_name}:{example}"
+            f"for instance {typed(source.run)}:{example}"
         )
     if len(source.states) > 1:
         raise UsageError(f"{kind} shows one state: leave --with out")

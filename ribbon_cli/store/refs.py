@@ -54,7 +54,10 @@ def find_run(root: str | Path, text: str) -> Run:
     if len(fitting) == 1:
         return fitting[0]
     if fitting:
-        raise UsageError(f"{text!r} names more than one run: {_join(run.name for run in fitting)}")
+        raise UsageError(
+            f"{text!r} names more than one run: {_join(run.name for run in fitting)}; "
+            "`ribbon check CONFIG` tells which is a config's"
+        )
     if not runs:
         raise UsageError(f"no run {text!r}: there are no runs in {root} (see --runs)")
     near = suggest(text, [run.short_name for run in runs])
@@ -98,7 +101,7 @@ def resolve_state(root: str | Path, ref: str) -> tuple[Run | None, int | None, P
     if not colon:
         run = find_run(root, ref)
         last = max(run.entries(), default=1)
-        raise UsageError(f"{ref!r} is a run: name one of its states, for instance {run.short_name}:{last}")
+        raise UsageError(f"{ref!r} is a run: name one of its states, for instance {ref}:{last}")
     run = find_run(root, name)
     label = _parse_label(ref, text)
     labels = run.entries().keys()

@@ -102,5 +102,6 @@ def _stable(others: list[Mode], gap: float | None) -> str:
         words += f"; sliding, free in the continuum, costs {sliding[0].value:.3g} on this grid"
     if checkerboard:
         lowest = checkerboard[0].value
-        words += f"; {len(checkerboard)} checkerboard modes, of the discretisation, from {lowest:.6g}"
+        modes = "1 checkerboard mode" if len(checkerboard) == 1 else f"{len(checkerboard)} checkerboard modes"
+        words += f"; {modes}, of the discretisation, from {lowest:.6g}"
     return words
