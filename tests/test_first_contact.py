@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from ribbon_cli.config import parse_config
+from ribbon_cli.config import SpectrumRequest, load_config, parse_config
 from ribbon_cli.model.contact import self_contact
 from ribbon_cli.solver.continuation import to_width
 from ribbon_cli.solver.newton import Options
@@ -18,6 +18,7 @@ from ribbon_cli.study import solve_config
 from ribbon_cli.study.contact import WITHIN, extrapolated
 from ribbon_cli.study.records import multipliers_of, state_of
 
+ROOT = Path(__file__).parent.parent
 CONFIG = """
 name: touching
 topology: {{half_twists: 3}}
@@ -72,6 +73,18 @@ def test_three_pi_bands_meet_in_the_middle_on_two_levels(tmp_path: Path) -> None
     again = solved(tmp_path, levels=levels, contact="stop")
     assert again.new_states == 0
     assert again.notes[0] == outcome.notes[0]
+
+
+@pytest.mark.slow
+def test_the_pi_band_meets_itself_at_the_documented_widths(tmp_path: Path) -> None:
+    """All four levels of docs/recipes.md; at N = 400 sliding costs next to nothing at b = 1.514."""
+    config = load_config(ROOT / "configs" / "mobius-pi-contact.yaml")
+    outcome = solve_config(replace(config, spectrum=SpectrumRequest(0, 0)), tmp_path)
+    found = [(state["segments"], f"{state['half_width']:.5f}") for state in located(outcome.run)]
+    assert found == [(50, "1.50430"), (100, "1.50955"), (200, "1.51177"), (400, "1.51238")]
+    assert "tending to 1.51261 +- 0.0002, with order 1.88" in outcome.notes[-2]
+    page = (ROOT / "docs" / "recipes.md").read_text(encoding="utf-8")
+    assert f"| {' | '.join(width for _, width in found)} | 1.5126 ± 0.0002 |" in page
 
 
 def test_contact_is_recorded_going_down_as_well(tmp_path: Path) -> None:

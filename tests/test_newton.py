@@ -13,7 +13,7 @@ from numeric_support import DATA, E3, Array, load, random_strip, ring, twist_pre
 from ribbon_cli.model.band import Band, State
 from ribbon_cli.model.problem import Prescription, Problem
 from ribbon_cli.solver.dense import dense_solve
-from ribbon_cli.solver.newton import Options, change, estimate_multipliers, inverted_facets, solve
+from ribbon_cli.solver.newton import SETTLED, Options, change, estimate_multipliers, inverted_facets, solve
 from ribbon_cli.solver.spectra import lowest_spectrum
 from ribbon_cli.solver.status import Result, Status
 
@@ -272,10 +272,25 @@ def test_no_certificate_far_from_the_stationary_point() -> None:
     modes = lowest_spectrum(problem, at.x, local, "euclidean", 1)
     sliding = modes.vectors[modes.labels.index("sliding")].ravel()
     slid = at.x + 1e-4 / change(at.x, sliding) * sliding
-    loose = solve(problem, slid, at.multipliers, Options(tolerance=1e-4, goal=1e-4))
+    loose = solve(problem, slid, at.multipliers, Options(tolerance=1e-4, goal=1e-4, max_steps=0))
     assert loose.steps == 0
     assert max(loose.kkt_residual, loose.constraint_residual) < 1e-4
     assert loose.status is Status.UNDECIDED
     assert "next Newton step would be a change of 1.0e-04" in loose.message
     assert not loose.certified
     assert solve(problem, slid, at.multipliers).certified
+
+
+def test_a_long_last_step_is_taken_and_judged_where_it_leads() -> None:
+    """Slid by 1e-3 a band has residuals below a loose goal: the steps left are taken all the same."""
+    state, multipliers = load("pi-b0.5-N50")
+    problem = Problem(state.band)
+    at = solve(problem, state.vector(), multipliers.vector())
+    local = problem.local_derivatives(at.x, at.multipliers)
+    modes = lowest_spectrum(problem, at.x, local, "euclidean", 1)
+    sliding = modes.vectors[modes.labels.index("sliding")].ravel()
+    slid = at.x + 1e-3 / change(at.x, sliding) * sliding
+    loose = solve(problem, slid, at.multipliers, Options(tolerance=1e-3, goal=1e-3))
+    assert loose.certified
+    assert 1 <= loose.steps <= 3
+    assert change(at.x, loose.x - at.x) < SETTLED

@@ -53,7 +53,7 @@ It is asked rarely first, and strictly in a second attempt where it found someth
 ARMIJO = 1e-4  # sufficient decrease, Nocedal & Wright (2006), (3.4)
 MOST_CORRECTIONS = 4
 SETTLED = 1e-5
-"""Change of the next Newton step up to which a converged point is certified; pi bands have at most 2e-7."""
+"""Change of the next Newton step up to which a converged point is certified; Table 3.1 has at most 2e-8."""
 NEAR_SADDLE = 1e-3
 NEAR_STEP = 0.05
 """Residual, and change of the next Newton step, up to which a saddle is stepped onto and left on purpose."""
@@ -171,6 +171,7 @@ class _Solve:
         self.trouble = (Status.STALLED, "")
         self.unguarded = 0.0
         self.lowest = 0.0
+        self.left = np.inf
         self.last: Iterate
 
     def run(self, x: Array, multipliers: Array | None) -> Result:
@@ -238,33 +239,40 @@ class _Solve:
             return self._result(Status.LEFT_TOPOLOGY, point, detail=complaint), None
         factor = Factor(matrix)
         if factor.proves_minimum():
-            return self._certify(Status.MINIMUM, point, factor, 0), None
+            return self._certify(Status.MINIMUM, point, factor, 0)
         count = inertia(matrix)
         if not count.trusted:
             return self._result(Status.UNDECIDED, point, detail=f"(Pivot gap {count.gap:.1e}.)"), None
         factor = Factor(matrix)  # anew: the proof may have left one with another regularisation
         if count.negative == 0:
-            return self._certify(Status.MINIMUM, point, factor, 0), None
+            return self._certify(Status.MINIMUM, point, factor, 0)
         self.surplus_seen = max(self.surplus_seen, count.negative)
         if len(self.saddles) >= self.options.leave_saddles:
-            return self._certify(Status.SADDLE, point, factor, count.negative), None
+            return self._certify(Status.SADDLE, point, factor, count.negative)
         found = direction(self.problem, point.local, point.multipliers, factor, count.negative)
         self.saddles.append(point.met(found.index))
         return None, self._leave(point, found)
 
-    def _certify(self, status: Status, point: Iterate, factor: Factor, negative: int) -> Result:
+    def _certify(
+        self, status: Status, point: Iterate, factor: Factor, negative: int
+    ) -> tuple[Result | None, Iterate | None]:
         """The result with an index, if a stationary point is as near as the residuals promise.
 
         Where an eigenvalue is nearly zero, as that of sliding is on fine grids, a small residual allows of a
-        long way to the stationary point, and the index here need not be the one there.
+        long way to the stationary point, and the index here need not be the one there. So the way is gone, as
+        long as each Newton step is less than half the one before, and what is there is judged anew.
         """
-        step, _ = newton_step(self.problem, point.local, point.multipliers, factor)
+        step, multipliers = newton_step(self.problem, point.local, point.multipliers, factor)
         left = change(point.x, step)
         if left <= SETTLED:
-            return self._result(status, point, negative=negative)
-        return self._result(
-            Status.UNDECIDED, point, detail=f"(The next Newton step would be a change of {left:.1e}.)"
-        )
+            return self._result(status, point, negative=negative), None
+        contracts, self.left = left < 0.5 * self.left, left
+        if contracts and left <= NEAR_STEP and self.steps < self.options.max_steps:
+            following = iterate_at(self.problem, point.x + step, multipliers)
+            if following.worst <= self.options.tolerance and self._allowed(point, following):
+                return None, following
+        detail = f"(The next Newton step would be a change of {left:.1e}.)"
+        return self._result(Status.UNDECIDED, point, detail=detail), None
 
     def _meet_saddle(self, point: Iterate, factor: Factor, plain: tuple[Array, Array]) -> Iterate | None:
         """Close to a saddle, take the plain Newton step onto it, so that it is known and left on purpose.
