@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from ribbon_cli.config import parse_config
-from ribbon_cli.study import solve_config
+from ribbon_cli.study import plan_of, solve_config
 
 CONFIG = """
 name: twisted
@@ -30,3 +30,10 @@ def test_a_twist_past_the_guard_stops(tmp_path: Path, half_twists: int, steps: i
         # Tw + Wr of the open band is what the seam was turned by.
         assert state["linking_number"] == pytest.approx(0.5 * half_twists * k / steps, abs=0.01)
     assert abs(states[-1]["linking_number"]) >= 0.5 - 0.5 * abs(half_twists) / steps
+
+
+@pytest.mark.parametrize(("half_twists", "schoenke"), [(2, False), (3, True), (-4, True)])
+def test_who_asks_for_more_than_half_a_turn_is_told(half_twists: int, schoenke: bool) -> None:
+    (note,) = plan_of(parse_config(CONFIG.format(half_twists=half_twists, steps=20), "twisted.yaml")).notes
+    assert note.startswith("beyond half a turn the twist tends to turn over")
+    assert (f"schoenke makes bands of {abs(half_twists)} half-twists" in note) is schoenke
