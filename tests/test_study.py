@@ -222,7 +222,7 @@ def test_a_given_state_starts_a_run(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (("half_twists: 1", "half_twists: -1"), "1 half-twists, where the config says"),
+        (("half_twists: 1", "half_twists: -1"), "which is half_twists: 1, where the config says"),
         (("widths", "refinement: [40, 80]\nwidths"), "its first level must be that of the given state"),
     ],
 )

@@ -92,7 +92,7 @@ def _show_plan(settings: Settings, config: Config) -> None:
         return
     emit(
         f"{config.path}: valid, run {run}\n\n{plan_table(plan.stages, settings.verbose)}\n\n"
-        f"{len(plan.stages)} stages, about {duration(plan.cost)} on one core"
+        f"{len(plan.stages)} stage{'s' * (len(plan.stages) != 1)}, about {duration(plan.cost)} on one core"
     )
     for note in plan.notes:
         say(settings, note)

@@ -91,7 +91,7 @@ def _check_fit(config: Config, state: State, ref: str) -> None:
         raise UsageError(f"{ref}: not a closed band: {error}") from error
     if abs(lk - 0.5 * config.half_twists) > 0.25:
         raise UsageError(
-            f"{ref}: has Lk = {lk:.3g}, that is {round(2 * lk)} half-twists, where the config says "
+            f"{ref}: has Lk = {lk:.3g}, which is half_twists: {round(2 * lk)}, where the config says "
             f"topology: {{half_twists: {config.half_twists}}}"
         )
     levels = config.refinement.levels
