@@ -245,7 +245,7 @@ def test_a_damaged_log_is_rebuilt_keeping_what_can_be_read(tmp_path):
     data = bytearray(run.log_path.read_bytes())
     data[data.find(b'"label":2')] ^= 1
     run.log_path.write_bytes(data)
-    assert run.repair() == ["dropped 1 damaged lines of the log", "adopted state 2"]
+    assert run.repair() == ["dropped 1 damaged line of the log", "adopted state 2"]
     assert run.states() == before
     assert "kept" in [event.get("text") for event in run.events()]
     assert (run.path / "log.jsonl.old-1").read_bytes() == data

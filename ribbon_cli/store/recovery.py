@@ -128,7 +128,8 @@ def repair(folder: Path) -> list[str]:
     """
     path = folder / LOG
     entries, unreadable = log.salvage_log(path)
-    notes = [f"dropped {unreadable} damaged lines of the log"] if unreadable else []
+    lines = f"{unreadable} damaged line{'s' * (unreadable != 1)}"
+    notes = [f"dropped {lines} of the log"] if unreadable else []
     created = next((entry for entry in entries if entry["event"] == "created"), None)
     if created is not None:
         check_run_version(folder, created)
