@@ -11,6 +11,7 @@ import pytest
 from cli_support import QUICK_RING, ribbon, ribbon_json
 from matplotlib.figure import Figure
 from picture_support import run_named, solved, states_of  # noqa: F401
+from store_support import make_record, make_spectrum
 
 from ribbon_cli import solve
 from ribbon_cli.config import parse_config
@@ -18,7 +19,7 @@ from ribbon_cli.plot.branches import arclength_figure
 from ribbon_cli.plot.curves import geometry_figure, multipliers_figure
 from ribbon_cli.plot.flat import FEW_FOLDS, draw_pattern
 from ribbon_cli.plot.kinds import Source, draw
-from ribbon_cli.plot.levels import convergence_figure, spectrum_figure, spectrum_of
+from ribbon_cli.plot.levels import convergence_figure, draw_spectra, spectrum_figure, spectrum_of
 from ribbon_cli.plot.pictures import family_figure
 from ribbon_cli.plot.style import STYLES, styled
 from ribbon_cli.report.convergence import Entry, convergence_rows
@@ -307,3 +308,20 @@ def test_a_report_calls_rounding_zero(tmp_path):
     text = path.read_text(encoding="utf-8")
     assert "Linking numbers found: 0." in text
     assert not re.search(r'<td class="n">-?\d[\d.]*e-1\d</td><td class="n">[\d.]+</td></tr>', text)
+
+
+@pytest.mark.parametrize(("counts", "marked"), [((10, 20), True), ((10, 100), False)])
+def test_modes_are_marked_one_by_one_in_every_spectrum_or_in_none(counts, marked):
+    """Marks on the coarsest mesh alone would look as if they meant something."""
+    rng = np.random.default_rng(3)
+    records = []
+    for k, n in enumerate(counts, start=1):
+        spectrum = make_spectrum(rng, n, "physical", 6, None)
+        values = np.abs(rng.normal(size=n)) + 1.0
+        full = replace(
+            spectrum, values=values, residuals=0 * values, labels=("",) * n, sliding_overlap=0 * values
+        )
+        records.append(make_record(k, n=8 * k, spectra=(full,)))
+    axes = Figure().subplots()
+    draw_spectra(axes, records, "physical")
+    assert [line.get_marker() not in ("", "None") for line in axes.get_lines()] == [marked] * len(counts)

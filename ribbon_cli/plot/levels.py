@@ -101,12 +101,12 @@ def draw_spectra(axes: Axes, records: Sequence[StateRecord], metric: str, spread
     found = [(r, s) for r in records if (s := spectrum_of(r, metric)) is not None]
     names = curve_labels([record for record, _ in found])
     spread = _spreads(records, metric) if spread is None else spread
+    few = not spread and all(spectrum.values.size <= FEW_MODES for _, spectrum in found)
     for k, (_, spectrum) in enumerate(found):
         values = np.array(
             [v for v, name in zip(spectrum.values, spectrum.labels, strict=True) if name != "rotation"]
         )
         places = np.linspace(0.0, 1.0, values.size) if spread else np.arange(1.0, values.size + 1)
-        few = not spread and values.size <= FEW_MODES
         look = line_look(k) | {"marker": MARKERS[k % len(MARKERS)] if few else ""}
         axes.plot(places, np.where(values > 0, values, np.nan), label=names[k], **look)
         negative = values < 0
