@@ -49,14 +49,16 @@ def sweep(folder: Path, events: Sequence[Mapping[str, Any]]) -> list[str]:
         raise write_error(folder, error) from error
     if log.cut_torn_line(folder / LOG):
         notes.append("cut off an unfinished line of the log")
-    known = {entry["state"]["label"] for entry in events if entry["event"] == "state"}
+    known = {entry["state"]["label"]: entry["state"]["kind"] for entry in events if entry["event"] == "state"}
     files = _files(folder)
-    adopted, more = _adopt(files, known)
+    adopted, more = _adopt(files, known.keys())
     notes += more
-    for label in sorted(known - files.keys())[:1]:
+    for label in sorted(known.keys() - files.keys())[:1]:
+        # A saddle that was left is met again only if the state that was reached from it is lost as well.
+        again = "" if known[label] == "saddle" else ", and it will be computed again"
         raise StoreError(
             f"{folder / state_name(label)}: missing, though it was committed; "
-            f"`ribbon repair {named(folder)}` marks it as lost, and it will be computed again"
+            f"`ribbon repair {named(folder)}` marks it as lost{again}"
         )
     configs.require(folder, events)
     if notes:
@@ -66,7 +68,7 @@ def sweep(folder: Path, events: Sequence[Mapping[str, Any]]) -> list[str]:
     return notes
 
 
-def _adopt(files: Mapping[int, Path], known: set[int]) -> tuple[list[dict[str, Any]], list[str]]:
+def _adopt(files: Mapping[int, Path], known: Collection[int]) -> tuple[list[dict[str, Any]], list[str]]:
     """Entries for whole states that are not known, and notes; what is no whole state is renamed."""
     entries, notes = [], []
     for label, path in files.items():
