@@ -88,8 +88,7 @@ lint: $(READY_DEV) ## check style, format and types
 	@$(BIN)/mypy
 
 bench: $(READY_BENCH) ## measure the solver against CasADi with IPOPT, and the store
-	@$(BIN)/python -m bench.run
-	@$(BIN)/python -m bench.store
+	@$(BIN)/python -m bench.run; solver=$$?; $(BIN)/python -m bench.store && exit $$solver
 
 clean: ## remove .venv, .venv-minimum and caches; runs stay
 	rm -rf $(VENV) $(MINIMUM) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .coverage

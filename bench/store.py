@@ -128,8 +128,8 @@ def measure(folder: Path, states: int = STATES) -> list[tuple[str, tuple[float, 
     return rows
 
 
-def main() -> None:
-    """Measure, and write the page."""
+def main() -> int:
+    """Measure, and write the page; 1 where a limit is not kept."""
     load = os.getloadavg()[0]
     with tempfile.TemporaryDirectory() as name:
         rows = measure(Path(name))
@@ -147,7 +147,8 @@ def main() -> None:
         lines.append(f"| {what} | {took:.2f} | {busy:.2f} | {'' if most is None else f'{most:g}'} |")
     DOCUMENT.write_text("\n".join(lines) + "\n", encoding="utf-8")
     sys.stdout.write("\n".join(lines) + "\n")
+    return int(any(most is not None and took > most for _, (took, _), most in rows))
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())
