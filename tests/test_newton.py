@@ -263,15 +263,20 @@ def test_every_status_has_its_sentence() -> None:
     assert all(s.endswith(".") and "\n" not in s for s in sentences)
 
 
-def test_no_certificate_far_from_the_stationary_point() -> None:
-    """Slid by 1e-4 a band has small residuals, by a loose tolerance, and a long step to go."""
+def slid_band(distance: float) -> tuple[Problem, Result, Array]:
+    """A stationary band, and it slid by a change of `distance`."""
     state, multipliers = load("pi-b0.5-N50")
     problem = Problem(state.band)
     at = solve(problem, state.vector(), multipliers.vector())
     local = problem.local_derivatives(at.x, at.multipliers)
     modes = lowest_spectrum(problem, at.x, local, "euclidean", 1)
     sliding = modes.vectors[modes.labels.index("sliding")].ravel()
-    slid = at.x + 1e-4 / change(at.x, sliding) * sliding
+    return problem, at, at.x + distance / change(at.x, sliding) * sliding
+
+
+def test_no_certificate_far_from_the_stationary_point() -> None:
+    """Slid by 1e-4 a band has small residuals, by a loose tolerance, and a long step to go."""
+    problem, at, slid = slid_band(1e-4)
     loose = solve(problem, slid, at.multipliers, Options(tolerance=1e-4, goal=1e-4, max_steps=0))
     assert loose.steps == 0
     assert max(loose.kkt_residual, loose.constraint_residual) < 1e-4
@@ -283,13 +288,7 @@ def test_no_certificate_far_from_the_stationary_point() -> None:
 
 def test_a_long_last_step_is_taken_and_judged_where_it_leads() -> None:
     """Slid by 1e-3 a band has residuals below a loose goal: the steps left are taken all the same."""
-    state, multipliers = load("pi-b0.5-N50")
-    problem = Problem(state.band)
-    at = solve(problem, state.vector(), multipliers.vector())
-    local = problem.local_derivatives(at.x, at.multipliers)
-    modes = lowest_spectrum(problem, at.x, local, "euclidean", 1)
-    sliding = modes.vectors[modes.labels.index("sliding")].ravel()
-    slid = at.x + 1e-3 / change(at.x, sliding) * sliding
+    problem, at, slid = slid_band(1e-3)
     loose = solve(problem, slid, at.multipliers, Options(tolerance=1e-3, goal=1e-3))
     assert loose.certified
     assert 1 <= loose.steps <= 3
