@@ -17,7 +17,7 @@ PIP := $(BIN)/python -m pip -qq --disable-pip-version-check
 .DELETE_ON_ERROR:
 FIGURES := $(addprefix figure-3.,1 2 3 4 5 6 7 8 9 10 11 12 13 14)
 .PHONY: help setup table-3.1 paper $(FIGURES) gallery checkerboard everted-cylinder everted-moebius
-.PHONY: test test-minimum test-browser test-large test-faults lint bench clean
+.PHONY: test test-minimum test-browser test-large test-branches test-faults lint bench clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z][a-z0-9.-]*\):.*## \(.*\)/make \1|\2/p' Makefile | awk -F'|' '{printf "%-17s %s\n", $$1, $$2}'
@@ -68,7 +68,7 @@ test: $(READY_DEV) ## run the whole test suite
 	@$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile
 
 test-minimum: $(MINIMUM)/ready ## run the quick tests on the lowest supported versions
-	@$(MINIMUM)/bin/python -m pytest -m "not slow and not large and not faults and not browser" \
+	@$(MINIMUM)/bin/python -m pytest -m "not slow and not large and not faults and not browser and not branches" \
 		--ignore=tests/test_resume.py --ignore=tests/test_study.py --ignore=tests/test_table_3_1.py \
 		--ignore=tests/test_export_formats.py --ignore=tests/test_export_bands.py \
 		--deselect "tests/test_docs.py::test_the_examples_run[docs/format.md]"
@@ -78,6 +78,9 @@ test-browser: $(READY_DEV) ## open the HTML viewer in headless Chromium (apt ins
 
 test-large: $(READY_DEV) ## inertia, dense algebra and Lanczos at N = 400 and 800, a few minutes
 	@$(BIN)/python -m pytest -m large
+
+test-branches: $(READY_DEV) ## follow 300 random branches: none ends in an error, none certifies falsely
+	@$(BIN)/python -m pytest -m branches -n auto --maxprocesses 4
 
 test-faults: $(READY_DEV) ## run the long fault tests of the store: kills, failing calls, crash images, damage
 	@$(BIN)/python -m pytest -m faults -n auto --maxprocesses 4 --durations=0

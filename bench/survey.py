@@ -24,8 +24,8 @@ from ribbon_cli.model.contact import self_contact
 from ribbon_cli.model.folding import ClosureError, Folding, close, from_state, to_state
 from ribbon_cli.model.problem import Problem
 from ribbon_cli.model.topology import linking_number
-from ribbon_cli.solver.kkt import KKTMatrix
-from ribbon_cli.solver.linear import Factor, FactorisationError
+from ribbon_cli.solver.kkt import FactorisationError, KKTMatrix
+from ribbon_cli.solver.linear import Factor
 from ribbon_cli.solver.newton import Options, change, estimate_multipliers, inverted_facets, solve
 from ribbon_cli.solver.saddle_free import lagrangian_gradient, null_space
 

@@ -12,7 +12,8 @@ from ribbon_cli.model.band import Band, Discretisation
 from ribbon_cli.model.problem import Prescription, Problem
 from ribbon_cli.solver.dense import LARGEST, DenseModel, dense_direction
 from ribbon_cli.solver.inertia import inertia
-from ribbon_cli.solver.linear import Factor, FactorisationError
+from ribbon_cli.solver.kkt import FactorisationError
+from ribbon_cli.solver.linear import Factor
 from ribbon_cli.solver.saddle_free import direction, negative_eigenpairs, shift_below
 
 Place = tuple[Problem, Array, Array]

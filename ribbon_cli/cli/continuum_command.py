@@ -13,8 +13,9 @@ from ribbon_cli.store.refs import names_state, no_equilibria
 def show_continuum(settings: Settings, ref: str) -> int:
     """Print what a state, or the states of a run over N, say of the continuum; return the exit code.
 
-    Equilibria without certificate are named on standard error, and make it 3. Raises UsageError for a
-    reference to nothing, to an auxiliary state or to a run without equilibria.
+    Equilibria without certificate are named on standard error, and make it 3, but for points of a branch.
+    Those may be unstable. Raises UsageError for a reference to nothing, to an auxiliary state or to a run
+    without equilibria.
     """
     if ref == "all":
         raise UsageError("--continuum needs a RUN or a STATE: name one (`ribbon ls` lists the runs)")
@@ -35,7 +36,7 @@ def _show_state(settings: Settings, ref: str) -> tuple[dict[str, Any], str, list
     run, record, path = open_state(ref, settings.runs)
     name = f"{run.short_name}:{record.label}" if run else str(path)
     found = continuum_of(record, name)
-    failed = record.kind == "equilibrium" and not record.certified
+    failed = record.kind == "equilibrium" and not record.certified and record.branch is None
     return state_document(found, run.name if run else None), state_text(found), [name] if failed else []
 
 
@@ -50,5 +51,10 @@ def _show_run(settings: Settings, ref: str) -> tuple[dict[str, Any], str, list[s
     if not found:
         raise UsageError(no_equilibria(run))
     tables = order_tables(found)
-    failed = [f"{run.short_name}:{state.label}" for state in found if not state.certified]
+    followed = {state["label"] for state in run.states() if state.get("branch")}
+    failed = [
+        f"{run.short_name}:{state.label}"
+        for state in found
+        if not state.certified and state.label not in followed
+    ]
     return tables_document(tables, run.name), tables_text(tables), failed

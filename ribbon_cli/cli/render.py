@@ -106,7 +106,8 @@ def targets_table(targets: Iterable[Target], states: Mapping[int, State]) -> str
     rows = []
     for target in targets:
         state = None if target.label is None else states.get(target.label)
-        figures = [MISSING, "not reached", *[MISSING] * 4] if state is None else _figures(state)
+        word = "beyond contact" if target.beyond else "not reached"
+        figures = [MISSING, word, *[MISSING] * 4] if state is None else _figures(state)
         label = MISSING if target.label is None else str(target.label)
         rows.append([number(target.half_width, ".10g"), str(target.segments), label, *figures])
     return columns(["b", "N", "label", *_FIGURES], rows)

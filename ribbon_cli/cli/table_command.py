@@ -122,12 +122,16 @@ def _table(run: Run, outcome: Outcome | None) -> Table:
 
 
 def _uncertified(run: Run, table: Table, outcome: Outcome | None) -> list[str]:
-    """A line for each energy without certificate that is no target, which the outcome speaks of."""
+    """A line for each energy without certificate.
+
+    Not of targets, of which the outcome speaks, and not of points of a branch, which may be unstable.
+    """
     targets = {(target.half_width, target.segments) for target in (outcome.targets if outcome else ())}
+    followed = {state["label"] for state in run.states() if state.get("branch")}
     return [
         f"{run.short_name}:{row.label}: no certificate at b = {row.half_width:.10g}, N = {row.segments}"
         for row in table.rows
-        if not row.certified and (row.half_width, row.segments) not in targets
+        if not row.certified and row.label not in followed and (row.half_width, row.segments) not in targets
     ]
 
 

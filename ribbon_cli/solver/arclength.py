@@ -25,8 +25,8 @@ from ..model.problem import Problem
 from ..model.width import constraints_by_width, gradient_by_width
 from .bordered import BorderedSystem
 from .inertia import inertia
-from .kkt import KKTMatrix
-from .linear import Factor, FactorisationError
+from .kkt import FactorisationError, KKTMatrix
+from .linear import Factor
 from .newton import SETTLED, Guard, change, estimate_multipliers, inverted_facets, iterate_at
 from .saddle_free import lagrangian_gradient, newton_step
 from .status import Iterate, Result, Status
@@ -97,9 +97,12 @@ class Point(Iterate):
     @cached_property
     def negative(self) -> int | None:
         """Negative eigenvalues of the projected Hessian, rotations left out; None where not sure."""
-        if Factor(self.matrix).proves_minimum():
-            return 0
-        count = inertia(self.matrix)
+        try:
+            if Factor(self.matrix).proves_minimum():
+                return 0
+            count = inertia(self.matrix)
+        except FactorisationError:
+            return None
         return count.negative if count.trusted else None
 
     @cached_property

@@ -22,8 +22,8 @@ import numpy as np
 from ..model.band import Array
 from ..model.problem import LocalDerivatives, Problem
 from ..model.width import constraints_by_width, gradient_by_width
-from .kkt import KKTMatrix
-from .linear import Factor, FactorisationError
+from .kkt import FactorisationError, KKTMatrix
+from .linear import Factor
 
 REFINEMENTS = 4
 GOAL = 1e-12

@@ -20,8 +20,7 @@ from .arclength import (
     product,
     tangent_from,
 )
-from .branch_events import Event, LocationError, Segment, events_of
-from .linear import FactorisationError
+from .branch_events import Event, Segment, events_of
 from .newton import Guard
 
 LARGEST_TURN = 0.45
@@ -36,20 +35,15 @@ SHRINK, GROW = 0.5, 2.0
 
 
 class Reason(Enum):
-    """Why a branch ends; `word` is what is stored, `sentence` what a user reads."""
+    """Why a branch ends; the value is what is stored, `sentence` what a user reads."""
 
     RANGE = "range"
     FOLD = "fold"
     STABILITY_LOST = "stability-lost"
     CONTACT = "contact"
     STEP_TOO_SMALL = "step-too-small"
-    STEPS = "steps"
+    STEPS = "step-limit"
     CLOSED = "closed"
-
-    @property
-    def word(self) -> str:
-        """One of five words: a branch that has no further step to take, for whatever cause, shares one."""
-        return Reason.STEP_TOO_SMALL.value if self in (Reason.STEPS, Reason.CLOSED) else self.value
 
     @property
     def sentence(self) -> str:
@@ -123,7 +117,7 @@ def advance(base: Point, tangent: Tangent, length: float, options: BranchOptions
             segment = _attempt(base, tangent, length, options.guard)
             found = events_of(segment, (*options.widths, options.low, options.high))
             break
-        except (CorrectorError, FactorisationError, LocationError) as error:
+        except ArithmeticError as error:  # those of corrector, factorisation, location, and division by zero
             refused.append(f"a step of {length:.3g} from b = {base.half_width:.12g} was refused: {error}")
             if length <= options.least_step:
                 stuck = End(Reason.STEP_TOO_SMALL, base.half_width, str(error))

@@ -16,6 +16,7 @@ from ..model.band import Array
 from ..model.problem import Problem
 from ..model.width import constraints_by_width, gradient_by_width
 from .arclength import (
+    TOLERANCE,
     CorrectorError,
     Point,
     Tangent,
@@ -26,8 +27,8 @@ from .arclength import (
     tangent_from,
     unit,
 )
-from .linear import FactorisationError
-from .singular import Mode, mode_of, soft_direction, soft_value
+from .kkt import FactorisationError
+from .singular import Mode, mode_of, settled, soft_direction, soft_value
 
 FOLD_ACCURACY = 1e-9
 BRACKET = 1e-3
@@ -114,10 +115,13 @@ class Segment:
 
 
 def _root(f: Callable[[float], float], low: float, high: float, accuracy: float) -> float:
-    """A zero of f between two places at which its signs differ."""
+    """A zero of f between two places at which its signs differ. Raises LocationError if there is none."""
     from scipy.optimize import brentq  # here: loading it takes longer than most commands
 
-    return float(brentq(f, low, high, xtol=accuracy, rtol=8.9e-16))
+    try:
+        return float(brentq(f, low, high, xtol=accuracy, rtol=8.9e-16))
+    except (ValueError, RuntimeError) as error:  # equal signs, not-a-number; no convergence
+        raise LocationError(f"no zero was found: {error}") from error
 
 
 def _hermite(
@@ -231,10 +235,9 @@ def _branch_point(segment: Segment, low: float, high: float, before: int, after:
 
     At the place itself the corrector is singular, and what it finds near by is as vague along the soft mode
     as the cube root of its tolerance. The bracket is therefore closed to a small part of the step only, and
-    within it the branch is interpolated, with an error of the fourth power of that part.
+    within it the branch is interpolated, with an error of the fourth power of that part; what this leaves of
+    the residuals is removed beside the soft mode.
     """
-    from scipy.optimize import brentq  # here: loading it takes longer than most commands
-
     c = soft_direction(segment.at(0.5 * (low + high)))
     near = BRACKET * (high - low)
     try:
@@ -253,10 +256,12 @@ def _branch_point(segment: Segment, low: float, high: float, before: int, after:
 
         if soft_value(ends[0][0], c)[0] * soft_value(ends[1][0], c)[0] >= 0.0:
             return None
-        w = float(brentq(lambda w: soft_value(between(w), c)[0], 0.0, 1.0, xtol=SINGULAR_ACCURACY))
-        point = between(w)
+        w = _root(lambda w: soft_value(between(w), c)[0], 0.0, 1.0, SINGULAR_ACCURACY)
+        point = settled(between(w), c)
+        if not point.worst <= TOLERANCE:
+            return None
         mode = mode_of(point, soft_value(point, c)[1])
-    except (FactorisationError, CorrectorError):
+    except (FactorisationError, CorrectorError, LocationError):
         return None
     (_, t), (_, e) = ends
     tangent = Tangent(

@@ -13,7 +13,7 @@ import math
 from dataclasses import dataclass
 
 from .arclength import CorrectorError, Point, Tangent, along, correct, product, tangent_from, unit
-from .linear import FactorisationError
+from .kkt import FactorisationError
 from .newton import Guard
 
 DISTANCES = (0.02, 0.005, 0.00125, 0.0003)

@@ -14,7 +14,7 @@ import scipy
 
 from ..model.band import Array
 from ..model.problem import LocalDerivatives, Problem
-from .linear import FactorisationError
+from .kkt import FactorisationError
 from .newton import Options, change, inverted_facets
 from .status import Iterate, Result, SaddleMet, Status
 

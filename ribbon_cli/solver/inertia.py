@@ -15,7 +15,7 @@ import scipy
 from numpy.typing import NDArray
 
 from ..model.band import Array
-from .kkt import BLOCK, KKTMatrix
+from .kkt import BLOCK, FactorisationError, KKTMatrix
 
 TRUSTED_GAP = 1e-11
 """Smallest pivot eigenvalue, relative to its block's largest entry before elimination, whose sign is
@@ -43,8 +43,11 @@ def _pivot(blocks: Array) -> tuple[Array, Array, int, float]:
     """Congruence V^T D V = diag(1/inverse) of symmetric blocks: V, inverse, negatives and relative gap.
 
     Blocks are equilibrated first: after some eliminations stiffnesses and compliances in one block are
-    many orders apart, which says nothing about signs.
+    many orders apart, which says nothing about signs. Raises FactorisationError for blocks that are not
+    finite, as they are after a pivot that is exactly singular.
     """
+    if not np.isfinite(blocks).all():
+        raise FactorisationError("a pivot of the block reduction is singular")
     entries = np.abs(blocks)
     scale = np.ones(blocks.shape[:-1])
     for _ in range(3):

@@ -33,6 +33,10 @@ from ..model.stencil import stencil
 BLOCK = 7 + PER_NODE
 
 
+class FactorisationError(ArithmeticError):
+    """The KKT matrix is singular or not finite."""
+
+
 @dataclass(frozen=True, eq=False)
 class Pattern:
     """The upper triangle's pattern and the way to the whole symmetric matrix; one for each N.

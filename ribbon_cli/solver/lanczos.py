@@ -13,7 +13,7 @@ import scipy
 
 from ..model.band import Array
 from ..model.metrics import lengths
-from .linear import FactorisationError
+from .kkt import FactorisationError
 
 BLOCK_SIZE = 2
 CHECK_EVERY = 2

@@ -15,7 +15,7 @@ import qdldl
 
 from ..model.band import Array
 from .inertia import BlockReduction
-from .kkt import KKTMatrix
+from .kkt import FactorisationError, KKTMatrix
 
 DELTA = 1e-8
 DELTA_GRID = 400
@@ -35,10 +35,6 @@ PROOFS = 4
 PROBES = 6
 CONTRACTION = 0.5
 """Regularisations tried for a proof, power iterations each, and how fast these must fall."""
-
-
-class FactorisationError(ArithmeticError):
-    """The KKT matrix is singular or not finite."""
 
 
 class Factor:

@@ -15,8 +15,8 @@ import numpy as np
 from ..model.band import Array, State
 from ..model.problem import LocalDerivatives, Problem
 from .inertia import inertia
-from .kkt import KKTMatrix
-from .linear import RESIDUAL_LIMIT, Factor, FactorisationError
+from .kkt import FactorisationError, KKTMatrix
+from .linear import RESIDUAL_LIMIT, Factor
 from .saddle_free import Direction, direction, lagrangian_gradient, newton_step
 from .status import Iterate, Result, SaddleMet, Status
 

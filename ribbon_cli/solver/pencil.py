@@ -16,8 +16,7 @@ from ..model.band import Array
 from ..model.metrics import Metric
 from ..model.problem import LocalDerivatives, Problem
 from .inertia import BlockReduction, Inertia, NodeMetric
-from .kkt import KKTMatrix
-from .linear import FactorisationError
+from .kkt import FactorisationError, KKTMatrix
 
 CROWD = 2
 """Eigenvalues, relative to those wanted, that may lie between a shift and its mirror image."""

@@ -20,8 +20,8 @@ from ..model.band import Array
 from ..model.constraints import PER_NODE
 from ..model.problem import CLOSURE, LocalDerivatives, Problem
 from .inertia import inertia
-from .kkt import KKTMatrix
-from .linear import RESIDUAL_LIMIT, Factor, FactorisationError
+from .kkt import FactorisationError, KKTMatrix
+from .linear import RESIDUAL_LIMIT, Factor
 
 LANCZOS_LIMIT = 60
 """Above this number of negative eigenpairs, or a sixth of all, the dense method is the cheaper one."""

@@ -16,13 +16,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..model.band import Array
-from .arclength import Point, Tangent, weights
-from .kkt import KKTMatrix
-from .linear import Factor, FactorisationError
-from .saddle_free import start_vector
+from .arclength import GOAL, Point, Tangent, point_at, weights
+from .kkt import FactorisationError, KKTMatrix
+from .linear import Factor
+from .saddle_free import lagrangian_gradient, start_vector
 from .spectra import SLIDING_OVERLAP, lowest_spectrum, sliding_overlap
 
 INVERSE_ITERATIONS = 12
+SETTLING_STEPS = 3
 
 
 @dataclass(frozen=True)
@@ -59,15 +60,41 @@ def soft_direction(point: Point) -> Array:
 
 def soft_value(point: Point, c: Array) -> tuple[float, Tangent]:
     """g and v (with b = 0) at a point. Raises FactorisationError if c is no border that makes K regular."""
-    problem = point.problem
-    rotations = problem.rotations(point.x)
-    length = float(np.linalg.norm(c))
-    matrix = KKTMatrix(problem, point.local, np.hstack((rotations, c[:, None] / length)))
-    rhs = np.zeros(matrix.size + matrix.border)
-    rhs[-1] = 1.0
-    z = Factor(matrix).solve(rhs)
-    n = problem.size
-    return float(z[-1]), Tangent(z[:n], -z[n : n + problem.rows], 0.0)
+    n, rows = point.problem.size, point.problem.rows
+    z = _bordered_solution(point, c, np.zeros(n), np.zeros(rows), 1.0)
+    return float(z[-1]), Tangent(z[:n], -z[n : n + rows], 0.0)
+
+
+def settled(point: Point, c: Array) -> Point:
+    """The place next to one that is nearly singular and nearly stationary, by Newton steps at its half-width.
+
+    The steps do not move along the soft direction, whose covector c (7N,) borders the KKT matrix as in
+    `soft_value`: along it the place is as good as the interpolation that it comes from. Raises
+    FactorisationError as `soft_value`.
+    """
+    for _ in range(SETTLING_STEPS):
+        if point.worst <= GOAL:
+            break
+        gradient = lagrangian_gradient(point.problem, point.local, point.multipliers)
+        z = _bordered_solution(point, c, -gradient, -point.local.constraints, 0.0)
+        n = point.problem.size
+        x, multipliers = point.x + z[:n], point.multipliers - z[n : n + point.problem.rows]
+        following = point_at(point.problem, x, multipliers)
+        if not following.worst < point.worst:
+            break
+        point = following
+    return point
+
+
+def _bordered_solution(point: Point, c: Array, gradient: Array, constraints: Array, level: float) -> Array:
+    """z = (p, -dlambda, gauge, g |c|) of the system bordered by c / |c|.
+
+    The right-hand sides are (7N,), (5N+3,) and that of the last row.
+    """
+    rotations = point.problem.rotations(point.x)
+    matrix = KKTMatrix(point.problem, point.local, np.hstack((rotations, c[:, None] / np.linalg.norm(c))))
+    rhs = np.concatenate((gradient, constraints, np.zeros(rotations.shape[1]), [level]))
+    return Factor(matrix).solve(rhs)
 
 
 def with_multipliers(point: Point, x: Array) -> Tangent:

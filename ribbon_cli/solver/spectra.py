@@ -15,8 +15,8 @@ import scipy
 from ..model.band import Array, Discretisation
 from ..model.metrics import lengths, metric_named
 from ..model.problem import LocalDerivatives, Problem
+from .kkt import FactorisationError
 from .lanczos import largest_eigenpairs
-from .linear import FactorisationError
 from .pencil import ROUNDOFF, Pencil
 from .saddle_free import null_space
 

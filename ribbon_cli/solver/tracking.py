@@ -16,8 +16,8 @@ import numpy as np
 from ..model.band import Array, State
 from ..model.problem import Problem
 from ..model.width import constraints_by_width, energy_by_width, gradient_by_width
-from .kkt import KKTMatrix
-from .linear import Factor, FactorisationError
+from .kkt import FactorisationError, KKTMatrix
+from .linear import Factor
 from .newton import change
 from .prolongation import Phase, clear_phase
 

@@ -95,9 +95,9 @@ def _lost(entry: dict[str, Any]) -> None:
 
 
 def _ended(entry: dict[str, Any]) -> None:
-    missed = entry.get("missed")
-    if not isinstance(missed, list) or not all(_is_place(place) for place in missed):
-        raise ValueError("its missed targets are not pairs of a half-width and N")
+    for places in (entry.get("missed"), entry.get("beyond", [])):
+        if not isinstance(places, list) or not all(_is_place(place) for place in places):
+            raise ValueError("its missed targets are not pairs of a half-width and N")
 
 
 def _branch_end(entry: dict[str, Any]) -> None:

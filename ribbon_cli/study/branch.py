@@ -14,14 +14,13 @@ from functools import cached_property
 import numpy as np
 
 from ..config import Arclength
-from ..solver.arclength import CorrectorError, Point, Tangent, initial_tangent, point_of, tangent_from
+from ..solver.arclength import Point, Tangent, initial_tangent, point_of, tangent_from
 from ..solver.branch import Advance, BranchOptions, End, Reason, advance
 from ..solver.branch_events import Event
 from ..solver.branch_switch import switch
-from ..solver.linear import FactorisationError
 from ..solver.singular import lowest_mode, with_multipliers
 from ..store import BranchRecord, StateRecord, summary
-from .acceptance import checked
+from .acceptance import checked, converged
 from .branch_tables import ENDED, course_point, courses
 from .clock import Clock
 from .outcome import Course
@@ -127,13 +126,18 @@ class Branches:
         clock = self.journal.clock()
         try:
             taken = advance(place.point, place.tangent, place.next_step, self.options)
-        except FactorisationError as error:
+        except ArithmeticError as error:
             return None, known, End(Reason.STEP_TOO_SMALL, base.half_width, f"no tangent here: {error}")
         if taken.point is not None:
             found = taken.point
             self.steps.progress.step(found.steps, found.energy, found.worst, found.half_width)
         self.steps.tell(stage, taken.refused)
-        events = [self._store_event(stage, event, place, taken, clock) for event in _numbered(taken.events)]
+        events: list[StateRecord] = []
+        for found_on_it in _numbered(taken.events):
+            met, end = self._store_event(stage, found_on_it, place, taken, clock)
+            if met is None:
+                return None, events, end
+            events.append(met)
         if taken.point is None or taken.tangent is None:
             return None, events, taken.end
         if stored is not None:
@@ -150,13 +154,13 @@ class Branches:
 
     def _store_event(
         self, stage: str, found: tuple[str, Event], place: _Place, taken: Advance, clock: Clock
-    ) -> StateRecord:
-        """Store what was met within a step, unless it is stored."""
+    ) -> tuple[StateRecord | None, End | None]:
+        """Store what was met within a step, unless it is stored; an end as in `_store`."""
         word, event = found
         name = f"{stage}, {word}"
         known = self.journal.finished(name)
         if known is not None:
-            return known
+            return known, None
         branch = self._branch_record(
             stage.rpartition(",")[0],
             event.type,
@@ -166,10 +170,7 @@ class Branches:
             taken.following,
             event,
         )
-        record, _ = self._store(event.point, name, branch, place.record, clock, (_sentence(event),), event)
-        if record is None:
-            raise CorrectorError(f"{name} is not the band that this run is about")
-        return record
+        return self._store(event.point, name, branch, place.record, clock, (_sentence(event),), event)
 
     def _store(
         self,
@@ -185,7 +186,7 @@ class Branches:
         """Store a point of a branch; an end if it is not the band that the run is about."""
         singular = "" if event is None else _SINGULAR.get(event.type, "")
         result = checked(point.result(singular), self.steps.half_twists)
-        if result.kkt_residual > 1e-9 or result.status.value in ("left-topology", "other-shape"):
+        if not converged(result):
             return None, End(Reason.STEP_TOO_SMALL, parent.half_width, result.message)
         if event is not None:
             self.journal.note(f"{branch.name}: {_sentence(event)}")
@@ -257,7 +258,7 @@ class Branches:
             name,
             start.label,
             points,
-            end.reason.word,
+            end.reason.value,
             end.half_width,
             f"{end.reason.sentence} {end.detail}".strip(),
         )
@@ -294,7 +295,7 @@ class Branches:
                 point = _point(record)
                 mode = with_multipliers(point, record.branch.soft_mode.ravel())
                 found = switch(point, tangent, mode, side, self.options.guard)
-            except (CorrectorError, FactorisationError) as error:
+            except ArithmeticError as error:
                 self._finish(name, record, [], End(Reason.STEP_TOO_SMALL, record.half_width, str(error)))
                 return
             branch = self._branch_record(

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..model.problem import Problem
 from ..solver.arclength import Tangent, point_at, product, tangent_from
-from ..solver.linear import FactorisationError
+from ..solver.kkt import FactorisationError
 from ..solver.singular import lowest_mode
 from ..store import StateRecord
 from .records import multipliers_of

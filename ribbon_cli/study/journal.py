@@ -112,10 +112,13 @@ class Journal:
         """Keep in the log which targets were missed, where that is news and the run is open for writing."""
         if not self.run.is_writing:
             return
-        missed = [[target.half_width, target.segments] for target in outcome.targets if not target.reached]
+        left = [target for target in outcome.targets if not target.reached]
+        missed = [[target.half_width, target.segments] for target in left if not target.beyond]
+        beyond = [[target.half_width, target.segments] for target in left if target.beyond]
+        facts = {"missed": missed} | ({"beyond": beyond} if beyond else {})
         ended = [event for event in self.run.events() if event["event"] == "ended"]
-        if self.new_states or not ended or ended[-1]["missed"] != missed:
-            self.run.log_event("ended", exit_code=outcome.exit_code, missed=missed)
+        if self.new_states or not ended or not facts.items() <= ended[-1].items():
+            self.run.log_event("ended", exit_code=outcome.exit_code, **facts)
 
     def clock(self) -> Clock:
         """A clock for a stage that begins now. Raises NotStoredError if its end could not be committed."""

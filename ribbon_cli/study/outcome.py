@@ -11,7 +11,8 @@ from ..store import Run
 class Target:
     """A width and number of segments that the config or command names, and what came of it.
 
-    `kept` tells of a saddle that it is the one asked for.
+    `kept` tells of a saddle that it is the one asked for, `beyond` of a target not reached that it lies
+    beyond the event at which the config stops.
     """
 
     half_width: float
@@ -21,6 +22,12 @@ class Target:
     certified: bool
     message: str
     kept: bool = False
+    beyond: bool = False
+
+    @property
+    def failed(self) -> bool:
+        """Whether the target was to be reached, and was not, or has no certificate and was to have one."""
+        return not (self.beyond or (self.reached and (self.certified or self.kept)))
 
 
 @dataclass(frozen=True)
@@ -83,15 +90,11 @@ class Outcome:
     @property
     def failures(self) -> tuple[str, ...]:
         """A line for each target not reached or without certificate, and each branch that broke off."""
-        missed = (
-            f"b = {t.half_width:.12g}, N = {t.segments}: {t.message}"
-            for t in self.targets
-            if not (t.reached and (t.certified or t.kept))
-        )
+        missed = (f"b = {t.half_width:.12g}, N = {t.segments}: {t.message}" for t in self.targets if t.failed)
         broken = (f"{c.name}, b = {c.half_width:.12g}: {c.message}" for c in self.branches if c.failed)
         return (*missed, *broken)
 
     @property
     def exit_code(self) -> int:
-        """0 if every target was reached with a certificate or as the saddle to keep, else 3."""
+        """0 if no target failed and no branch broke off, else 3."""
         return 3 if self.failures else 0

@@ -14,7 +14,7 @@ from ..model.contact import self_contact
 from ..model.geometry import geometry
 from ..model.problem import Problem
 from ..model.topology import linking_number, open_turn, writhe
-from ..solver.linear import FactorisationError
+from ..solver.kkt import FactorisationError
 from ..solver.newton import inverted_facets
 from ..solver.spectra import Spectrum, full_spectra, lowest_spectrum
 from ..solver.status import Result, SaddleMet, Status

@@ -93,7 +93,9 @@ def _open(config: Config, root: Path) -> Run:
 
 
 class _Study:
-    """One pass over a config's stages; `stopped` says why no further width can be reached."""
+    """One pass over a config's stages; `stopped` says why no further width is reached, `in_contact` that the
+    config asked for the stop.
+    """
 
     def __init__(
         self,
@@ -122,6 +124,7 @@ class _Study:
         self.targets: list[Target] = []
         self.courses: list[Course] = []
         self.stopped: str | None = None
+        self.in_contact = False
 
     def run(self) -> Outcome:
         """Run everything and report."""
@@ -203,6 +206,7 @@ class _Study:
                 self._stop_in_contact(current.half_width)
 
     def _stop_in_contact(self, half_width: float) -> None:
+        self.in_contact = True
         self._stop(f"the band touches itself from b = {half_width:.10g}: contact: stop ends the schedule")
 
     def _reach(self, current: StateRecord, b: float, visit: int) -> StateRecord:
@@ -294,7 +298,8 @@ class _Study:
     def _missed(self, half_width: float, levels: Sequence[int], why: str | None = None) -> None:
         for n in levels:
             message = f"not reached: {why or self.stopped}"
-            self.targets.append(Target(half_width, n, None, False, False, message))
+            beyond = self.in_contact and why is None
+            self.targets.append(Target(half_width, n, None, False, False, message, beyond=beyond))
 
 
 def _place(state: State) -> tuple[float, int]:

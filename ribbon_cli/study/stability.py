@@ -15,11 +15,10 @@ import scipy
 from ..errors import TargetError, UsageError
 from ..model.band import Array, State
 from ..model.metrics import METRICS, lengths, metric_named
-from ..model.problem import LocalDerivatives, Problem
+from ..model.problem import Problem
 from ..model.symmetry import Symmetry, SymmetryGroup, find_symmetries
 from ..solver.inertia import Inertia, inertia
-from ..solver.kkt import KKTMatrix
-from ..solver.linear import FactorisationError
+from ..solver.kkt import FactorisationError, KKTMatrix
 from ..solver.newton import Options, inverted_facets
 from ..solver.spectra import Spectrum, full_spectra, lowest_spectrum
 from ..store import StateRecord, content_sha256
@@ -69,8 +68,14 @@ def stability_of(
     state = state_of(record)
     problem, x = Problem(state.band), state.vector()
     local = problem.local_derivatives(x, multipliers_of(record))
-    counted = inertia(KKTMatrix(problem, local, problem.rotations(x)))
-    spectrum = _spectrum(problem, x, local, metric, modes, full)
+    try:
+        counted = inertia(KKTMatrix(problem, local, problem.rotations(x)))
+        if full:
+            (spectrum,) = full_spectra(problem, x, local, (metric,), 2 * problem.band.segments)
+        else:
+            spectrum = lowest_spectrum(problem, x, local, metric, modes)
+    except (FactorisationError, np.linalg.LinAlgError) as error:
+        raise TargetError(f"no spectrum in the {metric} metric: {error}") from error
     group = find_symmetries(state)
     vectors = _adapted(state, spectrum, group)
     named = dict(zip(_primed([s.name for s in group.generators()]), group.generators(), strict=True))
@@ -119,17 +124,6 @@ def _check(record: StateRecord, metric: str, modes: int, full: bool) -> None:
             f"a full spectrum takes at most {LARGEST_FULL} segments, this state has {record.segments}: "
             "ask for --modes"
         )
-
-
-def _spectrum(
-    problem: Problem, x: Array, local: LocalDerivatives, metric: str, modes: int, full: bool
-) -> Spectrum:
-    if full:
-        return full_spectra(problem, x, local, (metric,), 2 * problem.band.segments)[0]
-    try:
-        return lowest_spectrum(problem, x, local, metric, modes)
-    except FactorisationError as error:
-        raise TargetError(f"no spectrum in the {metric} metric: {error}") from error
 
 
 def _primed(names: list[str]) -> list[str]:

@@ -73,6 +73,7 @@ def _counts(
     done = planned & Counter({place: len(names) for place, names in good.items()})
     ended = [event for event in events if event["event"] == "ended"]
     missed = Counter((b, n) for b, n in ended[-1]["missed"]) if ended and not held else Counter()
+    planned = planned - Counter((b, n) for b, n in ended[-1].get("beyond", ())) if ended else planned
     failed = (planned - done) & (reached - done + missed)
     left = (planned - done - failed).total()
     running = int(held and left > 0)

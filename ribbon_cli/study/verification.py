@@ -23,8 +23,8 @@ from ..model.problem import LocalDerivatives, Prescription, Problem
 from ..model.topology import EXACT_TOLERANCE
 from ..recipes.eversion import Pieces, half_turn
 from ..solver.inertia import inertia
-from ..solver.kkt import KKTMatrix
-from ..solver.linear import Factor, FactorisationError
+from ..solver.kkt import FactorisationError, KKTMatrix
+from ..solver.linear import Factor
 from ..solver.newton import Options
 from ..solver.saddle_free import lagrangian_gradient
 from ..solver.status import STATIONARY, Result, Status
