@@ -197,8 +197,8 @@ def test_natural_continuation_meets_widths_and_locates_contact(tmp_path):
 
 
 def test_continue_with_too_few_steps_says_so(given):
-    document = ribbon_json("continue", "one:1", "--to", "0.12", "--arclength", "--steps", "2", *given, code=3)
-    assert document["end"]["reason"] == "step-too-small"
+    document = ribbon_json("continue", "one:1", "--to", "0.12", "--arclength", "--steps", "2", *given)
+    assert document["end"]["reason"] == "step-limit"
     assert document["end"]["message"] == "The limit on the number of steps."
     more = ribbon_json("continue", "one:1", "--to", "0.12", "--arclength", *given)
     assert more["end"]["reason"] == "range"

@@ -41,6 +41,8 @@ are met by a corrector. Contact is bracketed to a part of the band's length."""
 ASIDE = 1e-3
 """Part of a step to either side of a fold at which the index is counted when it does not change by one."""
 MOST_BISECTIONS = 40
+MIDDLES = (0.5, 0.4, 0.6)
+"""Places at which a bracket is cut in two, in the order tried: at the first the index may not be sure."""
 TRANSVERSAL = 1e-5
 """Part of its terms below which v.r counts as zero; at folds it has been 1e-2, at bifurcations 1e-9."""
 
@@ -221,9 +223,10 @@ def _changes(segment: Segment, low: float, high: float, depth: int = 0) -> list[
             return [event]
     if depth >= MOST_BISECTIONS:
         raise LocationError(f"the index changes from {before} to {after} at once")
-    middle = 0.5 * (low + high)
-    if segment.at(middle).negative is None:
-        middle = low + 0.4 * (high - low)
+    between = (low + part * (high - low) for part in MIDDLES)
+    middle = next((s for s in between if segment.at(s).negative is not None), None)
+    if middle is None:  # neither half could be asked: what changes within it would be passed over
+        raise LocationError(f"the index changes from {before} to {after} where it cannot be told")
     return [
         *_changes(segment, low, middle, depth + 1),
         *_changes(segment, middle, high, depth + 1),
