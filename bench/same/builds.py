@@ -90,7 +90,7 @@ def folder_build(source: Path, folder: Path) -> Build:
     tree = _emptied(folder / "tree")
     for part in PARTS:
         if (source / part).is_dir():
-            shutil.copytree(source / part, tree / part, ignore=shutil.ignore_patterns("__pycache__"))
+            shutil.copytree(source / part, tree / part)
     _compile(tree)
     build = Build("the working tree" if source == ROOT else str(source), tree)
     _check(build)

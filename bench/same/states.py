@@ -111,7 +111,7 @@ def _distance(one: np.ndarray, two: np.ndarray) -> str:
         return ""
     a, b = np.asarray(one, float).ravel(), np.asarray(two, float).ravel()
     both = np.isfinite(a) & np.isfinite(b)
-    largest = float(np.abs(a - b)[both].max()) if both.any() else 0.0
+    largest = float(np.abs(a[both] - b[both]).max()) if both.any() else 0.0
     lost, gained = int((np.isfinite(a) & ~both).sum()), int((np.isfinite(b) & ~both).sum())
     told = [f"; largest difference {largest:.3g}"]
     told += [f"; {lost} numbers became not finite"] if lost else []
