@@ -90,7 +90,7 @@ lint: $(READY_DEV) ## check style, format and types
 bench: $(READY_BENCH) ## measure the solver against CasADi with IPOPT, and the store
 	@$(BIN)/python -m bench.run; solver=$$?; $(BIN)/python -m bench.store && exit $$solver
 
-# SAME: options, as in `make same-as COMMIT=HEAD~3 SAME="--quick --expect changes.yaml"`; python -m bench.same -h lists them.
+# COMMIT: default where main was left. SAME: options, such as SAME="--quick --expect changes.yaml"; -h lists them.
 same-as: setup ## compare results, exit codes, JSON and speed with those of COMMIT
 	@$(BIN)/python -m bench.same $(COMMIT) $(SAME)
 

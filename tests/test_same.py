@@ -27,7 +27,7 @@ from ribbon_cli.config import RECIPES
 
 CASES = """\
 sets:
-  look: ["ls {} --json"]
+  exports: ["export {} --to npz -o ring.npz"]
 cases:
   - case: ring
     files:
@@ -36,13 +36,12 @@ cases:
         initial_guess: {recipe: cylinder, segments: 12, half_width: 0.1}
         spectrum: {modes: 0, full_up_to: 0}
     run:
-      - solve ring.yaml
-      - look: ring
-      - export ring:1 --to npz -o ring.npz
+      - solve ring.yaml --json
+      - exports: ring:1
       - show nothing => 2
 """
 STATE = "runs/ring-*/states/0001.h5"
-LIST = "ls ring --json"
+SOLVE = "solve ring.yaml --json"
 
 
 @pytest.fixture(scope="module")
@@ -93,7 +92,7 @@ def test_a_build_is_the_same_as_itself(observed, doctored) -> None:
     assert observed[1] == 0
     compared = compare("ring", *doctored)
     assert compared.differences == ()
-    assert (compared.states, compared.steps, compared.documents) == (1, 4, 1)
+    assert (compared.states, compared.steps, compared.documents) == (1, 3, 1)
 
 
 def test_a_dataset_that_differs_in_one_bit_is_told(doctored) -> None:
@@ -153,17 +152,18 @@ def test_an_exit_code_and_a_message_are_told(doctored) -> None:
 
 def test_json_that_was_changed_removed_and_added_is_told_apart(doctored) -> None:
     before, after = doctored
-    (step,) = (step for step in after.steps if step.text == LIST)
+    (step,) = (step for step in after.steps if step.text == SOLVE)
     document = json.loads(step.stdout)
-    del document[0]["status"]
-    document[0] |= {"energy": 0.5, "parent": False, "new": {"a": [1]}}
-    told = found(before, printed(after, LIST, stdout=json.dumps(document)))
+    (state,) = document["states"]
+    del state["status"]
+    state |= {"energy": 0.5, "parent": False, "new": {"a": [1]}}
+    told = found(before, printed(after, SOLVE, stdout=json.dumps(document)))
     assert set(told) == {"json", "json-added"}
-    assert told["json-added"] == [(LIST, "0.new", 'added: {"a": [1]}')]
+    assert told["json-added"] == [(SOLVE, "states.0.new", 'added: {"a": [1]}')]
     assert [(path, how.split()[-1]) for _, path, how in told["json"]] == [
-        ("0.energy", "0.5"),
-        ("0.status", '"minimum"'),
-        ("0.parent", "false"),
+        ("states.0.energy", "0.5"),
+        ("states.0.status", '"minimum"'),
+        ("states.0.parent", "false"),
     ]
 
 
@@ -187,8 +187,8 @@ def test_expected_differences_are_left_out_and_those_of_no_use_are_told(tmp_path
         "- {kind: json*, path: '*.new', reason: a new key}\n"
         "- {kind: dataset, path: /origin/events, detail: '* -> *', reason: facts}\n"
     )
-    new = Difference("json-added", "ring", LIST, "0.new", "added: 1")
-    old = Difference("json", "ring", LIST, "0.energy", "1.0 -> 2.0")
+    new = Difference("json-added", "ring", SOLVE, "0.new", "added: 1")
+    old = Difference("json", "ring", SOLVE, "0.energy", "1.0 -> 2.0")
     left, covered = split([new, old], read_expected(path))
     assert left == [old]
     assert covered == [1, 0]
@@ -199,7 +199,7 @@ def test_expected_differences_are_left_out_and_those_of_no_use_are_told(tmp_path
 
 
 def test_like_differences_are_one_line() -> None:
-    rows = [Difference("json", "ring", LIST, f"{k}.energy", "1.0 -> 2.0") for k in range(50)]
+    rows = [Difference("json", "ring", SOLVE, f"{k}.energy", "1.0 -> 2.0") for k in range(50)]
     rows.append(Difference("exit", "ring", "solve ring.yaml", "", "0 -> 3"))
     assert list(details(rows, whole=False)) == [
         "",
@@ -207,7 +207,7 @@ def test_like_differences_are_one_line() -> None:
         "  ring: solve ring.yaml: 0 -> 3",
         "",
         f"{KINDS['json']}: 50",
-        f"  50 times, first ring: {LIST}: 0.energy: 1.0 -> 2.0",
+        f"  50 times, first ring: {SOLVE}: 0.energy: 1.0 -> 2.0",
     ]
     assert len(list(details(rows, whole=True))) == 55
 
