@@ -8,7 +8,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from pathlib import Path
 
 from filelock import FileLock
@@ -67,7 +67,8 @@ def _compare(asked: argparse.Namespace) -> int:
     builds = folders[0][0], folder_build(ROOT, folders[1])
     pairs = _observed(cases, builds, (folders[0][1], folders[1]), asked.jobs)
     broken = _broken(cases, [before for before, _ in pairs])
-    compared = [compare(case.name, *pair) for case, pair in zip(cases, pairs, strict=True)]
+    with ProcessPoolExecutor(asked.jobs) as pool:
+        compared = list(pool.map(compare, [case.name for case in cases], *zip(*pairs, strict=True)))
     left, covered = split((d for item in compared for d in item.differences), expected)
     print(f"{builds[1].name} against {builds[0].name}")
     _print(report.counts(compared, left))

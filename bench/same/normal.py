@@ -9,10 +9,12 @@ from typing import Any
 
 from .states import DAMAGED, StateFile
 
-# Facts of a process, in provenance and logs; `sha256` and `crc32` in logs are of bytes that hold such facts.
+# Facts of a process, in provenance and logs. `sha256`, `crc32` and the hashes of config files are of
+# bytes that hold such facts; the config files themselves are compared.
 _FACTS = {
     *("time", "started", "wall_seconds", "cpu_seconds", "peak_memory_bytes", "seconds"),
     *("code_revision", "code_dirty", "git_revision", "git_dirty", "pid", "host", "sha256", "crc32"),
+    *("config.yaml", "resolved.yaml"),
 }
 _HERE = "<here>"
 _SECONDS = re.compile(r"\b\d+(?:\.\d+)? s\b")

@@ -64,12 +64,12 @@ def observe(case: Case, build: Build, folder: Path) -> Observation:
 
 
 def kept(folder: Path) -> Observation | None:
-    """The observation in a folder, if it is whole."""
+    """The observation in a folder, if it is whole, and of this program's making."""
     try:
         notes = json.loads((folder / _NOTES).read_text(encoding="utf-8"))
-    except FileNotFoundError:
+        return Observation(folder, tuple(Printed(**step) for step in notes))
+    except (FileNotFoundError, TypeError):
         return None
-    return Observation(folder, tuple(Printed(**step) for step in notes))
 
 
 def _run(step: Step, build: Build, work: Path) -> Printed:
