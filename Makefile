@@ -17,7 +17,7 @@ PIP := $(BIN)/python -m pip -qq --disable-pip-version-check
 .DELETE_ON_ERROR:
 FIGURES := $(addprefix figure-3.,1 2 3 4 5 6 7 8 9 10 11 12 13 14)
 .PHONY: help setup table-3.1 paper $(FIGURES) gallery checkerboard everted-cylinder everted-moebius
-.PHONY: test test-minimum test-browser test-large test-branches test-faults lint bench clean
+.PHONY: test test-minimum test-browser test-large test-branches test-faults lint bench same-as clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z][a-z0-9.-]*\):.*## \(.*\)/make \1|\2/p' Makefile | awk -F'|' '{printf "%-17s %s\n", $$1, $$2}'
@@ -92,6 +92,10 @@ lint: $(READY_DEV) ## check style, format and types
 
 bench: $(READY_BENCH) ## measure the solver against CasADi with IPOPT, and the store
 	@$(BIN)/python -m bench.run; solver=$$?; $(BIN)/python -m bench.store && exit $$solver
+
+# COMMIT: default where main was left. SAME: options, such as SAME="--quick --expect changes.yaml"; -h lists them.
+same-as: setup ## compare results, exit codes, JSON and speed with those of COMMIT
+	@$(BIN)/python -m bench.same $(COMMIT) $(SAME)
 
 clean: ## remove .venv, .venv-minimum and caches; runs stay
 	rm -rf $(VENV) $(MINIMUM) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .coverage
