@@ -17,7 +17,7 @@ PIP := $(BIN)/python -m pip -qq --disable-pip-version-check
 .DELETE_ON_ERROR:
 FIGURES := $(addprefix figure-3.,1 2 3 4 5 6 7 8 9 10 11 12 13 14)
 .PHONY: help setup table-3.1 paper $(FIGURES) gallery checkerboard everted-cylinder everted-moebius
-.PHONY: test test-minimum test-browser test-large test-branches test-faults lint bench same-as clean
+.PHONY: test test-minimum test-browser test-h5dump test-large test-branches test-faults lint bench same-as clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z][a-z0-9.-]*\):.*## \(.*\)/make \1|\2/p' Makefile | awk -F'|' '{printf "%-17s %s\n", $$1, $$2}'
@@ -68,13 +68,17 @@ test: $(READY_DEV) ## run the whole test suite
 	@$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile
 
 test-minimum: $(MINIMUM)/ready ## run the quick tests on the lowest supported versions
-	@$(MINIMUM)/bin/python -m pytest -m "not slow and not large and not faults and not browser and not branches" \
+	@$(MINIMUM)/bin/python -m pytest -m "not slow and not large and not faults and not browser and not branches and not h5dump" \
 		--ignore=tests/test_resume.py --ignore=tests/test_study.py --ignore=tests/test_table_3_1.py \
 		--ignore=tests/test_export_formats.py --ignore=tests/test_export_bands.py \
+		--ignore=tests/test_hdf5_readers.py \
 		--deselect "tests/test_docs.py::test_the_examples_run[docs/format.md]"
 
 test-browser: $(READY_DEV) ## open the HTML viewer in headless Chromium (apt install chromium)
 	@$(BIN)/python -m pytest -m browser tests/browser
+
+test-h5dump: $(READY_DEV) ## have HDF5's own h5dump print every kind of HDF5 file (apt install hdf5-tools)
+	@$(BIN)/python -m pytest -m h5dump tests/test_hdf5_readers.py
 
 test-large: $(READY_DEV) ## inertia, dense algebra and Lanczos at N = 400 and 800, a few minutes
 	@$(BIN)/python -m pytest -m large

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import meshio
 import numpy as np
+import pandas
 import pytest
 import trimesh
 from cli_support import ribbon, ribbon_json
@@ -26,6 +27,8 @@ from ribbon_cli.export.meshes import obj_bytes, ply_bytes, solid, stl_bytes
 from ribbon_cli.export.text import csv_bytes, json_bytes
 from ribbon_cli.export.viewer import viewer_html
 from ribbon_cli.export.vtkhdf import vtkhdf_bytes
+from ribbon_cli.report.convergence import Table
+from ribbon_cli.report.tables import as_csv
 from ribbon_cli.store import StateRecord, content_sha256, summary
 
 
@@ -176,15 +179,51 @@ def test_vtk_reads_a_branch_as_a_series(solved, tmp_path):  # noqa: F811
 
 
 def test_csv_holds_every_field_exactly(state):
-    lines = csv_bytes(state, "a band").decode().splitlines()
-    assert lines[0] == "# a band"
-    rows = list(csv.DictReader(io.StringIO("\n".join(lines[1:]))))
+    rows = list(csv.DictReader(io.StringIO(csv_bytes(state, "run-1").decode())))
     assert len(rows) == state.segments
     for name in ("kappa_s", "tau", "eta", "eta_prime", "xi", "lambda_1", "lambda_3"):
         np.testing.assert_array_equal([float(row[name]) for row in rows], written(state, name))
     np.testing.assert_array_equal([float(row["midline_y"]) for row in rows], state.midline[:-1, 1])
     h = state.length / state.segments
     assert float(rows[2]["alpha_facet"]) == pytest.approx(2.5 * h)
+    # Which state it is, in every row: files can be joined, and none begins with lines that are no table.
+    expected = {"run": "run-1", "label": str(state.label), "kind": state.kind, "energy": repr(state.energy)}
+    expected |= {"certified": str(state.certified), "content_sha256": content_sha256(state)}
+    assert all(expected.items() <= row.items() for row in rows)
+
+
+def test_pandas_reads_every_csv_without_being_told_anything(solved, tmp_path):  # noqa: F811
+    tables = {}
+    for name, words in {
+        "state": ("export", "mobius@b=0.2,N=24", "--to", "csv"),
+        "convergence": ("convergence-table", "mobius", "--format", "csv"),
+        "thesis": ("convergence-table", "mobius", "--thesis", "--format", "csv"),
+        "spectrum": ("spectrum", "mobius@b=0.2,N=24", "--format", "csv"),
+        "spectra": ("spectrum", "mobius", "--full", "--format", "csv"),
+        "orders": ("spectrum", "mobius", "--convergence", "--format", "csv"),
+    }.items():
+        path = tmp_path / f"{name}.csv"
+        assert ribbon(*words, "-o", path, "--runs", solved).exit_code == 0, name
+        found = tables[name] = pandas.read_csv(path)
+        rows = list(csv.DictReader(io.StringIO(path.read_text(encoding="utf-8"))))
+        assert list(found.columns) == list(rows[0])
+        assert len(found) == len(rows) > 1
+        assert found.index.equals(pandas.RangeIndex(len(rows)))
+        for column in found.select_dtypes("float"):
+            values = [float(row[column] or "nan") for row in rows]
+            # Older ones round what they read: docs/format.md.
+            np.testing.assert_allclose(found[column], values, rtol=1e-12)
+    (state,) = [s for s in states_of(solved, "mobius") if (s.half_width, s.segments) == (0.2, 24)]
+    assert set(tables["state"]["content_sha256"]) == {content_sha256(state)}
+    assert tables["state"]["certified"].all()
+    assert tables["convergence"]["certified"].dtype == bool
+    assert tables["spectrum"]["value"].dtype == float
+
+
+def test_a_table_without_rows_is_a_csv_file_still(tmp_path):
+    path = tmp_path / "empty.csv"
+    path.write_text(as_csv(Table((), (), 1.0)), encoding="utf-8")
+    assert pandas.read_csv(path).columns[:3].tolist() == ["half_width", "segments", "energy"]
 
 
 def test_nothing_is_made_up_for_a_cut(solved):  # noqa: F811

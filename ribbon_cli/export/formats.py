@@ -76,7 +76,7 @@ def _vtkhdf(states: Sequence[StateRecord], title: str, run: str | None, options:
 def _csv(states: Sequence[StateRecord], title: str, run: str | None, options: Options) -> list[bytes]:
     from ribbon_cli.export.text import csv_bytes
 
-    return [csv_bytes(states[0], title)]
+    return [csv_bytes(states[0], run)]
 
 
 def _json(states: Sequence[StateRecord], title: str, run: str | None, options: Options) -> list[bytes]:

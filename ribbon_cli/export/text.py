@@ -10,24 +10,26 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ribbon_cli.export.mesh import FACET_FIELDS, NODE_FIELDS, field_values
-from ribbon_cli.store import summary
+from ribbon_cli.store import content_sha256, summary
 from ribbon_cli.store.log import to_json
+from ribbon_cli.text import visible
 
 if TYPE_CHECKING:
     from ribbon_cli.store import StateRecord
 
 _ARRAYS = ("u", "g", "xi", "g_end", "midline", "kappa_s", "tau", "eta", "eta_prime")
 _MULTIPLIERS = ("lambda_1", "lambda_2", "lambda_3", "lambda_4", "lambda_5", "gamma")
+_OF_STATE = ("half_width", "length", "segments", "sigma", "linking_number", "energy", "certified")
 
 
-def csv_bytes(record: StateRecord, title: str) -> bytes:
-    """The fields as CSV, one row for node i and facet i, after lines of `#` with the title.
+def csv_bytes(record: StateRecord, run: str | None) -> bytes:
+    """The fields as CSV with its header in the first line, one row for node i and facet i.
 
     `alpha_node` and `alpha_facet` say where the two lie: fields of a node stand left of those of its facet.
-    Numbers are written so that they read back exactly.
+    The last columns are of the state, the same in every row: readers take lines of `#` for data. Numbers are
+    written so that they read back exactly.
     """
     out = io.StringIO()
-    out.write(f"# {title}\n")
     writer = csv.writer(out, lineterminator="\n")
     h = record.length / record.segments
     index = np.arange(record.segments)
@@ -39,6 +41,11 @@ def csv_bytes(record: StateRecord, title: str) -> bytes:
     columns["alpha_facet"] = (h * (index + 0.5)).tolist()
     columns |= {f"u_{axis}": record.u[:, k].tolist() for k, axis in enumerate("xyz")}
     columns |= {name: getattr(record, name).tolist() for name in FACET_FIELDS}
+    state = {"run": run or "", "label": record.label}
+    state |= {name: visible(getattr(record, name)) for name in ("kind", "status")}
+    state |= {name: getattr(record, name) for name in _OF_STATE}
+    state["content_sha256"] = content_sha256(record)
+    columns |= {name: [value] * record.segments for name, value in state.items()}
     writer.writerow(columns)
     writer.writerows(zip(*columns.values(), strict=True))
     return out.getvalue().encode()

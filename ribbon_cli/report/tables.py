@@ -11,11 +11,14 @@ import io
 import json
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, fields
 
 from ribbon_cli.report.convergence import ComparisonRow, Extrapolation, Row, Table, is_at
 
 MISSING = "-"
+_COMPARED = ("thesis_delta", "relative_difference", "agrees", "footnote")
+_LIMIT = ("extrapolated_energy", "extrapolation_error", "settled")
+"""Columns of a CSV beside the rows' own."""
 
 _LATEX = {"_": r"\_", "|": "$|$", "<": "$<$", ">": "$>$", "%": r"\%", "&": r"\&", "#": r"\#", "^": r"\^{}"}
 
@@ -85,27 +88,26 @@ def as_latex(table: Table, comparison: Sequence[ComparisonRow] = ()) -> str:
 
 
 def as_csv(table: Table, comparison: Sequence[ComparisonRow] = ()) -> str:
-    """One line a row, numbers to full precision, missing ones empty; the extrapolation repeats in a group."""
+    """One line a row, numbers to full precision, missing ones empty; the extrapolation repeats in a group.
+
+    The header is there for a table without rows, too.
+    """
     extrapolated = {item.half_width: item for item in table.extrapolations}
+    columns = [*(field.name for field in fields(Row)), *(_COMPARED if comparison else ()), *_LIMIT]
     records = []
     for row in table.rows:
         limit = extrapolated[row.half_width]
-        records.append(
-            {
-                **_record(row, comparison),
-                "extrapolated_energy": limit.energy,
-                "extrapolation_error": limit.error,
-                "settled": limit.settled,
-            }
-        )
-    return csv_text(records)
+        values = (limit.energy, limit.error, limit.settled)
+        records.append(_record(row, comparison) | dict(zip(_LIMIT, values, strict=True)))
+    return csv_text(records, columns)
 
 
-def csv_text(records: Sequence[Mapping[str, object]]) -> str:
-    """Records of the same keys as CSV, the keys in the first line; empty for none."""
+def csv_text(records: Sequence[Mapping[str, object]], columns: Sequence[str] = ()) -> str:
+    """Records of the same keys as CSV, the keys in the first line; of none the `columns`, if they are given."""
     out = io.StringIO()
-    if records:
-        writer = csv.DictWriter(out, list(records[0]), lineterminator="\n")
+    columns = columns or list(records[0] if records else ())
+    if columns:
+        writer = csv.DictWriter(out, columns, lineterminator="\n")
         writer.writeheader()
         writer.writerows(records)
     return out.getvalue()

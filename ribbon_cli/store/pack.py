@@ -25,12 +25,14 @@ if TYPE_CHECKING:
     import h5py
 
 FORMAT = PACK
-FORMAT_VERSION = "1.0"
+FORMAT_VERSION = "1.1"
 _RUN_NAME = re.compile(r"\w[\w.-]{0,200}-[0-9a-f]{8}(\.old-\d{1,6})?")
 _STATE = re.compile(r"\d{4,12}\.h5")
 _LOOK = "states"
 """Group with a copy of each state's datasets; for people and viewers, never read back."""
 _FILES = "files"
+_SCALES_OF_AXES, _AXES_OF_SCALE = b"DIMENSION_LIST", b"REFERENCE_LIST"
+"""Attributes in which HDF5 keeps what is attached to what."""
 
 
 def pack(run: Run, path: Path, overwrite: bool = False) -> int:
@@ -155,7 +157,32 @@ def _write_to(run: Run, sink: _Sink) -> int:
             _write_file(file, state_name(label), data)
             with h5py.File(h5f.open_file_image(data)) as state:
                 state.copy("/", file, f"{_LOOK}/{label:04d}")
+                _attach_scales(state, file[f"{_LOOK}/{label:04d}"])
     return len(entries)
+
+
+def _attach_scales(state: h5py.File, copy: h5py.Group) -> None:
+    """Attach the dimension scales of a state's copy as they are in the state.
+
+    HDF5 copies an attachment as a reference to where the scale was in the other file, which leads nowhere.
+    """
+    import h5py
+    from h5py import h5a, h5ds, h5o
+
+    paths: list[bytes] = []
+    h5o.visit(state.id, paths.append)
+    copies = {path: h5o.open(copy.id, path) for path in paths}
+    for copied in copies.values():
+        for name in (_SCALES_OF_AXES, _AXES_OF_SCALE):
+            if h5a.exists(copied, name):
+                h5a.delete(copied, name)
+    for path, copied in copies.items():
+        original = h5o.open(state.id, path)
+        if h5a.exists(original, _SCALES_OF_AXES):
+            group = path.rpartition(b"/")[0]
+            for axis, dim in enumerate(h5py.Dataset(original).dims):
+                for scale in dim:
+                    h5ds.attach_scale(copied, copies[group + b"/" + scale.encode()], axis)
 
 
 def _write_file(file: h5py.File, name: str, data: bytes) -> None:
