@@ -10,6 +10,8 @@ READY_BENCH := $(VENV)/ready-bench
 # The lowest supported Python with the lowest supported version of everything, in an environment of its own.
 MINIMUM_PYTHON ?= python3.11
 MINIMUM := .venv-minimum
+# Interpreters in which the built package is installed and used; those that are not here are left out.
+PACKAGE_PYTHONS ?= python3.11 python3.12 python3.13
 # Of what pip says, errors alone are shown.
 PIP := $(BIN)/python -m pip -qq --disable-pip-version-check
 
@@ -17,7 +19,7 @@ PIP := $(BIN)/python -m pip -qq --disable-pip-version-check
 .DELETE_ON_ERROR:
 FIGURES := $(addprefix figure-3.,1 2 3 4 5 6 7 8 9 10 11 12 13 14)
 .PHONY: help setup table-3.1 paper $(FIGURES) gallery checkerboard everted-cylinder everted-moebius
-.PHONY: test test-minimum test-browser test-large test-faults lint bench clean
+.PHONY: test test-minimum test-package test-browser test-readers test-large test-faults lint bench clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z][a-z0-9.-]*\):.*## \(.*\)/make \1|\2/p' Makefile | awk -F'|' '{printf "%-17s %s\n", $$1, $$2}'
@@ -68,13 +70,19 @@ test: $(READY_DEV) ## run the whole test suite
 	@$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile
 
 test-minimum: $(MINIMUM)/ready ## run the quick tests on the lowest supported versions
-	@$(MINIMUM)/bin/python -m pytest -m "not slow and not large and not faults and not browser" \
+	@$(MINIMUM)/bin/python -m pytest -m "not slow and not large and not faults and not browser and not package and not readers" \
 		--ignore=tests/test_resume.py --ignore=tests/test_study.py --ignore=tests/test_table_3_1.py \
 		--ignore=tests/test_export_formats.py --ignore=tests/test_export_bands.py \
 		--deselect "tests/test_docs.py::test_the_examples_run[docs/format.md]"
 
+test-package: $(READY_DEV) ## build wheel and sdist, install each in empty environments, solve there
+	@PACKAGE_PYTHONS="$(PACKAGE_PYTHONS)" $(BIN)/python -m pytest -m package -rs --durations=0 tests/package
+
 test-browser: $(READY_DEV) ## open the HTML viewer in headless Chromium (apt install chromium)
 	@$(BIN)/python -m pytest -m browser tests/browser
+
+test-readers: $(READY_DEV) ## open FOLD and glTF exports in readers from npm (apt install npm)
+	@$(BIN)/python -m pytest -m readers tests/readers
 
 test-large: $(READY_DEV) ## inertia, dense algebra and Lanczos at N = 400 and 800, a few minutes
 	@$(BIN)/python -m pytest -m large
