@@ -12,6 +12,7 @@ MINIMUM_PYTHON ?= python3.11
 MINIMUM := .venv-minimum
 # Interpreters in which the built package is installed and used; those that are not here are left out.
 PACKAGE_PYTHONS ?= python3.11 python3.12 python3.13
+READERS := tests/readers/node_modules
 # Of what pip says, errors alone are shown.
 PIP := $(BIN)/python -m pip -qq --disable-pip-version-check
 
@@ -76,12 +77,13 @@ test-minimum: $(MINIMUM)/ready ## run the quick tests on the lowest supported ve
 		--deselect "tests/test_docs.py::test_the_examples_run[docs/format.md]"
 
 test-package: $(READY_DEV) ## build wheel and sdist, install each in empty environments, solve there
-	@PACKAGE_PYTHONS="$(PACKAGE_PYTHONS)" $(BIN)/python -m pytest -m package -rs --durations=0 tests/package
+	@PACKAGE_PYTHONS="$(PACKAGE_PYTHONS)" $(BIN)/python -m pytest -m package -rs --durations=0 \
+		-o tmp_path_retention_policy=failed tests/package
 
 test-browser: $(READY_DEV) ## open the HTML viewer in headless Chromium (apt install chromium)
 	@$(BIN)/python -m pytest -m browser tests/browser
 
-test-readers: $(READY_DEV) ## open FOLD and glTF exports in readers from npm (apt install npm)
+test-readers: $(READY_DEV) $(READERS)/ready ## open FOLD and glTF exports in readers from npm (apt install npm)
 	@$(BIN)/python -m pytest -m readers tests/readers
 
 test-large: $(READY_DEV) ## inertia, dense algebra and Lanczos at N = 400 and 800, a few minutes
@@ -98,8 +100,8 @@ lint: $(READY_DEV) ## check style, format and types
 bench: $(READY_BENCH) ## measure the solver against CasADi with IPOPT, and the store
 	@$(BIN)/python -m bench.run; solver=$$?; $(BIN)/python -m bench.store && exit $$solver
 
-clean: ## remove .venv, .venv-minimum and caches; runs stay
-	rm -rf $(VENV) $(MINIMUM) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .coverage
+clean: ## remove .venv, .venv-minimum, packages of tests and caches; runs stay
+	rm -rf $(VENV) $(MINIMUM) $(READERS) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .coverage
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 $(READY): pyproject.toml
@@ -127,6 +129,10 @@ $(MINIMUM)/ready: pyproject.toml constraints/minimum.txt
 	@$(MINIMUM)/bin/python -m pip -qq --disable-pip-version-check install --only-binary :all: -r constraints/minimum.txt
 	@$(MINIMUM)/bin/python -m pip -qq --disable-pip-version-check install --no-deps --editable .
 	@$(MINIMUM)/bin/python -m pip --disable-pip-version-check check
+	@touch $@
+
+$(READERS)/ready: tests/readers/package.json
+	@npm install --prefix tests/readers --no-package-lock --no-audit --no-fund --loglevel=error > /dev/null
 	@touch $@
 
 # pip compiles what it installs, but not a package that stays where it is: its commands would start later.
