@@ -61,7 +61,8 @@ def environment(python: str, folder: Path, *packages: object) -> Path:
     """An empty environment with these packages and what they require; its folder of commands."""
     run(python, "-m", "venv", folder, cwd=folder.parent)
     pip = (folder / "bin" / "python", "-m", "pip", "-q", "--disable-pip-version-check")
-    run(*pip, "install", *packages, cwd=folder.parent)
+    # Not compiled: most of what is installed is never imported.
+    run(*pip, "install", "--no-compile", *packages, cwd=folder.parent)
     run(*pip, "check", cwd=folder.parent)
     return folder / "bin"
 
