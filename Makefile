@@ -10,6 +10,9 @@ READY_BENCH := $(VENV)/ready-bench
 # The lowest supported Python with the lowest supported version of everything, in an environment of its own.
 MINIMUM_PYTHON ?= python3.11
 MINIMUM := .venv-minimum
+# Interpreters in which the built package is installed and used; those that are not here are left out.
+PACKAGE_PYTHONS ?= python3.11 python3.12 python3.13
+READERS := tests/readers/node_modules
 # Of what pip says, errors alone are shown.
 PIP := $(BIN)/python -m pip -qq --disable-pip-version-check
 
@@ -17,7 +20,7 @@ PIP := $(BIN)/python -m pip -qq --disable-pip-version-check
 .DELETE_ON_ERROR:
 FIGURES := $(addprefix figure-3.,1 2 3 4 5 6 7 8 9 10 11 12 13 14)
 .PHONY: help setup table-3.1 paper $(FIGURES) gallery checkerboard everted-cylinder everted-moebius
-.PHONY: test test-minimum test-browser test-h5dump test-large test-branches test-faults lint bench same-as clean
+.PHONY: test test-minimum test-package test-browser test-readers test-large test-branches test-faults lint bench same-as clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z][a-z0-9.-]*\):.*## \(.*\)/make \1|\2/p' Makefile | awk -F'|' '{printf "%-17s %s\n", $$1, $$2}'
@@ -68,17 +71,21 @@ test: $(READY_DEV) ## run the whole test suite
 	@$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile
 
 test-minimum: $(MINIMUM)/ready ## run the quick tests on the lowest supported versions
-	@$(MINIMUM)/bin/python -m pytest -m "not slow and not large and not faults and not browser and not branches and not h5dump" \
+	@$(MINIMUM)/bin/python -m pytest -m "not slow and not large and not faults and not browser and not branches and not package and not readers" \
 		--ignore=tests/test_resume.py --ignore=tests/test_study.py --ignore=tests/test_table_3_1.py \
 		--ignore=tests/test_export_formats.py --ignore=tests/test_export_bands.py \
 		--ignore=tests/test_hdf5_readers.py \
 		--deselect "tests/test_docs.py::test_the_examples_run[docs/format.md]"
 
+test-package: $(READY_DEV) ## build wheel and sdist, install each in empty environments, solve there
+	@PACKAGE_PYTHONS="$(PACKAGE_PYTHONS)" $(BIN)/python -m pytest -m package -rs --durations=0 \
+		-o tmp_path_retention_policy=failed tests/package
+
 test-browser: $(READY_DEV) ## open the HTML viewer in headless Chromium (apt install chromium)
 	@$(BIN)/python -m pytest -m browser tests/browser
 
-test-h5dump: $(READY_DEV) ## have HDF5's own h5dump print every kind of HDF5 file (apt install hdf5-tools)
-	@$(BIN)/python -m pytest -m h5dump tests/test_hdf5_readers.py
+test-readers: $(READY_DEV) $(READERS)/ready ## open files in other programs: h5dump, and readers of FOLD and glTF from npm (apt install hdf5-tools npm)
+	@$(BIN)/python -m pytest -m readers
 
 test-large: $(READY_DEV) ## inertia, dense algebra and Lanczos at N = 400 and 800, a few minutes
 	@$(BIN)/python -m pytest -m large
@@ -101,8 +108,8 @@ bench: $(READY_BENCH) ## measure the solver against CasADi with IPOPT, and the s
 same-as: setup ## compare results, exit codes, JSON and speed with those of COMMIT
 	@$(BIN)/python -m bench.same $(COMMIT) $(SAME)
 
-clean: ## remove .venv, .venv-minimum and caches; runs stay
-	rm -rf $(VENV) $(MINIMUM) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .coverage
+clean: ## remove .venv, .venv-minimum, packages of tests and caches; runs stay
+	rm -rf $(VENV) $(MINIMUM) $(READERS) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .coverage
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 $(READY): pyproject.toml
@@ -130,6 +137,10 @@ $(MINIMUM)/ready: pyproject.toml constraints/minimum.txt
 	@$(MINIMUM)/bin/python -m pip -qq --disable-pip-version-check install --only-binary :all: -r constraints/minimum.txt
 	@$(MINIMUM)/bin/python -m pip -qq --disable-pip-version-check install --no-deps --editable .
 	@$(MINIMUM)/bin/python -m pip --disable-pip-version-check check
+	@touch $@
+
+$(READERS)/ready: tests/readers/package.json
+	@npm install --prefix tests/readers --no-package-lock --no-audit --no-fund --loglevel=error > /dev/null
 	@touch $@
 
 # pip compiles what it installs, but not a package that stays where it is: its commands would start later.

@@ -22,6 +22,7 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkIOHDF import vtkHDFReader
 
 from ribbon_cli.errors import UsageError
+from ribbon_cli.export.formats import FORMATS
 from ribbon_cli.export.mesh import facet_corners, is_closed, surface
 from ribbon_cli.export.meshes import obj_bytes, ply_bytes, solid, stl_bytes
 from ribbon_cli.export.text import csv_bytes, json_bytes
@@ -256,7 +257,7 @@ def test_json_has_no_nan(state):
     json.loads(json_bytes(replace(state, twist=float("nan")), None), parse_constant=pytest.fail)
 
 
-@pytest.mark.parametrize("form", ["obj", "stl", "ply", "vtkhdf", "csv", "json", "svg", "pdf", "html"])
+@pytest.mark.parametrize("form", [*FORMATS])
 def test_every_format_from_the_command_line(form, solved, tmp_path):  # noqa: F811
     path = tmp_path / f"band.{form}"
     words = ("export", "mobius@b=0.2,N=24", "--to", form, "-o", path, "--runs", solved)

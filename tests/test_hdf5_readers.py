@@ -155,7 +155,7 @@ def test_an_old_pack_gives_its_run_still(tmp_path, monkeypatch):
         )
 
 
-@pytest.mark.h5dump
+@pytest.mark.readers
 @pytest.mark.parametrize("name", FILES)
 def test_h5dump_prints_it_without_a_word_of_complaint(name, files):
     program = shutil.which("h5dump")

@@ -5,6 +5,9 @@ from __future__ import annotations
 import re
 import tomllib
 from pathlib import Path
+from typing import Any
+
+import yaml
 
 ROOT = Path(__file__).parent.parent
 TEST_TOOLS = ("pytest", "hypothesis", "sympy")
@@ -36,3 +39,46 @@ def test_minimum_versions_are_the_lower_bounds():
 def test_the_lowest_python_is_the_one_that_is_tested():
     lowest = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["requires-python"]
     assert f"MINIMUM_PYTHON ?= python{lowest.removeprefix('>=')}\n" in (ROOT / "Makefile").read_text()
+
+
+def project() -> dict[str, Any]:
+    return tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+
+
+def test_the_citation_is_of_this_version():
+    cited = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    told = project()["project"]
+    # Unquoted, a version of two numbers would be read as one number.
+    assert cited["version"] == told["version"]
+    assert re.search(r'^version: "', (ROOT / "CITATION.cff").read_text(encoding="utf-8"), re.MULTILINE)
+    assert cited["license"] == told["license"] == "MIT"
+    assert cited["authors"] == told["authors"] == [{"name": "The ribbon developers"}]
+    (thesis,) = cited["references"]
+    assert thesis["title"] in (ROOT / "README.md").read_text(encoding="utf-8").replace("\n", " ")
+
+
+def test_the_licence_is_here():
+    text = (ROOT / "LICENSE").read_text(encoding="utf-8")
+    assert text.startswith("MIT License\n\nCopyright (c) 2026 the ribbon developers\n")
+
+
+def test_files_of_data_are_installed():
+    """Whatever lies in the package beside modules, `py.typed` among it, is named as its data."""
+    data = project()["tool"]["setuptools"]["package-data"]
+    named = {
+        path
+        for package, patterns in data.items()
+        for p in patterns
+        for path in (ROOT / package.replace(".", "/")).glob(p)
+    }
+    there = {path for path in (ROOT / "ribbon_cli").rglob("*") if path.is_file()}
+    assert {path for path in there - named if path.suffix not in (".py", ".pyc")} == set()
+    assert ROOT / "ribbon_cli" / "py.typed" in named
+
+
+def test_pythons_are_those_that_the_package_is_tried_on():
+    told = project()["project"]["classifiers"]
+    versions = [line.rpartition(" ")[2] for line in told if re.search(r":: 3\.\d+$", line)]
+    assert (
+        f"PACKAGE_PYTHONS ?= {' '.join(f'python{v}' for v in versions)}\n" in (ROOT / "Makefile").read_text()
+    )

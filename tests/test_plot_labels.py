@@ -15,6 +15,7 @@ from store_support import make_record, make_spectrum
 
 from ribbon_cli import solve
 from ribbon_cli.config import parse_config
+from ribbon_cli.export.formats import FORMATS
 from ribbon_cli.plot.branches import arclength_figure
 from ribbon_cli.plot.curves import geometry_figure, multipliers_figure
 from ribbon_cli.plot.flat import FEW_FOLDS, draw_pattern
@@ -268,7 +269,7 @@ def test_a_state_that_went_wrong_has_no_picture(kind, wrong, tmp_path):
     assert not (tmp_path / "x.png").exists()
 
 
-@pytest.mark.parametrize("form", ["obj", "ply", "stl", "vtkhdf", "svg", "pdf", "html", "csv", "json"])
+@pytest.mark.parametrize("form", [*FORMATS])
 def test_a_state_that_went_wrong_is_exported_as_numbers_alone(form, wrong, tmp_path):
     path = tmp_path / f"x.{form}"
     result = ribbon("export", wrong, "--to", form, "-o", path)

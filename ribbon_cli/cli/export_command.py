@@ -16,7 +16,7 @@ from ribbon_cli.errors import UsageError
 if TYPE_CHECKING:
     from ribbon_cli.store import Run, StateRecord
 
-EXPORT_FORMATS = ("npz", "vtkhdf", "obj", "stl", "ply", "csv", "json", "svg", "pdf", "html")
+EXPORT_FORMATS = ("npz", "vtkhdf", "obj", "stl", "ply", "glb", "csv", "json", "svg", "pdf", "fold", "html")
 """Formats, which are the default file's suffix as well; `export.formats` is not loaded for a line of help."""
 
 
@@ -56,8 +56,9 @@ def export(
 ) -> None:
     """Write a STATE in another format.
 
-    svg and pdf are the fold pattern at true scale. vtkhdf and html take a run as well, and then its states of
-    one N, by width.
+    svg and pdf are the fold pattern at true scale, fold has its creases for origami programs, glb is the
+    surface for browsers and Blender. vtkhdf and html take a run as well, and then its states of one N, by
+    width.
     """
     from ribbon_cli.export.formats import FORMATS, Options, check_options, states_of_run
     from ribbon_cli.store import content_sha256, suggest, typed

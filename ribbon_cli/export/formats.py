@@ -108,15 +108,29 @@ def _html(states: Sequence[StateRecord], title: str, run: str | None, options: O
     return [viewer_html(states, title, run)]
 
 
+def _fold(states: Sequence[StateRecord], title: str, run: str | None, options: Options) -> list[bytes]:
+    from ribbon_cli.export.fold import fold_bytes
+
+    return [fold_bytes(states[0], title, run)]
+
+
+def _glb(states: Sequence[StateRecord], title: str, run: str | None, options: Options) -> list[bytes]:
+    from ribbon_cli.export.gltf import glb_bytes
+
+    return [glb_bytes(states[0], title, run)]
+
+
 FORMATS = {
     "obj": Format(_obj),
     "stl": Format(_stl, options=("size", "thickness")),
     "ply": Format(_ply),
+    "glb": Format(_glb),
     "vtkhdf": Format(_vtkhdf, True, ("segments",)),
     "csv": Format(_csv),
     "json": Format(_json),
     "svg": Format(_svg, options=("size", "paper")),
     "pdf": Format(_pdf, options=("size", "paper")),
+    "fold": Format(_fold),
     "html": Format(_html, True, ("segments",)),
 }
 """Formats but for npz, which is the store's own. A new format is a new row."""
