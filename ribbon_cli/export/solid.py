@@ -8,7 +8,7 @@ of the facets before and after them meet: the crotch of the fan is filled.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -37,13 +37,14 @@ SHARPEST = -0.985
 class Solid:
     """Vertices (n, 3) and triangles (k, 3) of a closed skin.
 
-    `joined` is the number of corners that were joined with others, `thickest` the greatest thickness of the
-    wall at them, measured from the facets, in the unit of the vertices.
+    `joined` is the number of corners that became one with the corner before them. There alone the wall is not
+    as thick as elsewhere, but `thinnest` to `thickest`, across the facets and in the unit of the vertices.
     """
 
     points: Array
     triangles: Indices
     joined: int
+    thinnest: float
     thickest: float
 
 
@@ -53,8 +54,8 @@ class _Chain:
 
     `corners` (m,) number the skin's corners; `places`, `rulings` (m, 3) are the band's edge and the rulings'
     directions there; `before`, `after` (m, 3) are the normals, towards this side, of the facets at a corner,
-    and `along` (m, 3) is the direction of the band in the facet after it. The last corner of a `closed` chain is
-    followed by the first.
+    and `along` (m, 3) is the direction of the band in the facet after it. The last corner of a `closed` chain
+    is followed by the first.
     """
 
     corners: Indices
@@ -87,9 +88,12 @@ def solid(record: StateRecord, thickness: float) -> Solid:
     shortest = SHORTEST * min(thickness, record.length / record.segments)
     points = np.empty((4 * len(rulings.low), 3))
     name = np.arange(len(points))
+    heights = [np.array([0.5 * thickness])]
     for chain in _chains(record, rulings, following):
-        points[chain.corners], first = _offset(chain, 0.5 * thickness, shortest)
-        name[chain.corners] = chain.corners[first]
+        corners, first = _offset(chain, 0.5 * thickness, shortest)
+        points[chain.corners], name[chain.corners] = corners, chain.corners[first]
+        inside = first == np.roll(first, -1)
+        heights.append(np.einsum("ij,ij->i", chain.after, corners - chain.places)[inside])
     a, b = ring, np.roll(ring, -1, axis=1)
     c, d = np.roll(following, -1, axis=1), following
     triangles = np.concatenate((np.stack((a, d, c), axis=2), np.stack((a, c, b), axis=2))).reshape(-1, 3)
@@ -102,11 +106,54 @@ def solid(record: StateRecord, thickness: float) -> Solid:
     i, j, k = triangles.T
     triangles = triangles[(i != j) & (j != k) & (k != i)]
     kept, triangles = np.unique(triangles, return_inverse=True)
-    return Solid(points[kept], triangles.reshape(-1, 3), int((name != np.arange(len(name))).sum()), 0.0)
+    wall = 0.5 * thickness + np.concatenate(heights)
+    joined = int((name != np.arange(len(name))).sum())
+    return Solid(points[kept], triangles.reshape(-1, 3), joined, float(wall.min()), float(wall.max()))
+
+
+def printed(record: StateRecord, size: float, thickness: float) -> Solid:
+    """The solid in millimetres, its vertices rounded as STL files hold them.
+
+    `size` is the length of the midline and `thickness` the wall's, both in millimetres. Raises UsageError as
+    `solid` does, and for a size that is not positive.
+    """
+    if not (np.isfinite(size) and size > 0):
+        raise UsageError(f"a size must be a positive number of millimetres, got {size:g}")
+    scale = size / record.length
+    body = solid(record, thickness / scale)
+    points = (body.points * scale).astype(np.float32).astype(float)
+    return replace(body, points=points, thinnest=body.thinnest * scale, thickest=body.thickest * scale)
+
+
+def remarks(record: StateRecord, body: Solid) -> tuple[dict[str, float], list[str]]:
+    """What has to be said of a printed solid: as numbers, and in words.
+
+    `joined_corners`, `wall_min`, `wall_max` (mm) and `crossing_triangles`, the number of pairs of triangles
+    that pass through each other.
+    """
+    from ribbon_cli.export.crossings import crossing_pairs
+
+    crossing = len(crossing_pairs(body.points, body.triangles))
+    facts = {
+        "joined_corners": body.joined,
+        "wall_min": body.thinnest,
+        "wall_max": body.thickest,
+        "crossing_triangles": crossing,
+    }
+    words = []
+    if body.joined:
+        wall = f"{body.thinnest:.3g} to {body.thickest:.3g} mm"
+        words.append(f"{body.joined} corners joined where rulings run together; the wall there: {wall}")
+    if crossing:
+        why = "parts of the band are nearer to each other than the wall is thick, take a smaller --thickness"
+        if record.self_contact:
+            why = "the band passes through itself"
+        words.append(f"warning: {crossing} pairs of triangles of the solid pass through each other: {why}")
+    return facts, words
 
 
 def _chains(record: StateRecord, rulings: Strip, following: Indices) -> Iterator[_Chain]:
-    """The edges of the skin: corner k of ruling r is number 4 r + k, and `following` (N, 4) are the next ones."""
+    """The edges of the skin: corner k of ruling r is number 4 r + k, `following` (N, 4) are the next."""
     n = record.segments
     normals = facet_normals(record)
     after = np.concatenate((np.arange(n), rulings.last)).astype(np.int64)
@@ -144,7 +191,7 @@ def _chains(record: StateRecord, rulings: Strip, following: Indices) -> Iterator
 
 
 def _offset(chain: _Chain, half: float, shortest: float) -> tuple[Array, Indices]:
-    """Offset corners (m, 3) of a chain, and for each the place in the chain of the first corner joined with it.
+    """Offset corners (m, 3) of a chain, and for each the place in it of the first one joined with it.
 
     Raises UsageError for folds of more than 120 degrees.
     """
@@ -175,7 +222,7 @@ def _offset(chain: _Chain, half: float, shortest: float) -> tuple[Array, Indices
 
 
 def _corners(chain: _Chain, first: Indices, last: Indices, half: float) -> Array:
-    """Corners (k, 3) for corners `first` to `last` of the chain joined: at `half` from the facets around them.
+    """Corners (k, 3) in place of `first` to `last` of the chain, at `half` from the facets around them.
 
     The offset planes of the facet before the first and of that after the last meet in a line; the corner is
     on it, across from the middle of what is joined.
@@ -193,13 +240,13 @@ def _corners(chain: _Chain, first: Indices, last: Indices, half: float) -> Array
     across = np.linalg.norm(after - before, axis=1)
     reach = np.linalg.norm(chain.places[last] - chain.places[first], axis=1)
     wanted = (high - low) / np.maximum(across, 1e-12)
-    shift = np.clip(wanted, -0.5 * reach, 0.5 * reach) / np.maximum(across, 1e-12)
+    shift = np.clip(wanted, -reach, reach) / np.maximum(across, 1e-12)
     corners: Array = middle + up + shift[:, None] * (after - before)
     return corners
 
 
 def _steps(chain: _Chain, corners: Array, first: Indices, last: Indices) -> Array:
-    """How far (k,) each corner is ahead of the one before it, across either ruling of the facet between them."""
+    """How far (k,) the next corner is ahead of each, across either ruling of the facet between them."""
     ahead = np.roll(first, -1)
     move = np.roll(corners, -1, axis=0) - corners
     normal, along = chain.after[last], chain.along[last]
@@ -208,4 +255,5 @@ def _steps(chain: _Chain, corners: Array, first: Indices, last: Indices) -> Arra
         across = np.cross(normal, ruling)
         across *= np.sign(np.einsum("ij,ij->i", across, along))[:, None]
         steps.append(np.einsum("ij,ij->i", move, across))
-    return np.minimum(*steps)
+    least: Array = np.minimum(*steps)
+    return least
