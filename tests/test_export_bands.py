@@ -79,7 +79,7 @@ def test_patterns_fold_back(name, half_width, bands):
     assert state.half_width == half_width
     size = 700.0
     data = pattern_svg(fold_pattern(state, size), "a band")
-    u, g = folded(lines(data, "fold"), lines(data, "glue"), half_width * size / state.length, size)
+    u, g = folded(lines(data, "data-node"), lines(data, "data-end"), half_width * size / state.length, size)
     b = state.g[0] - (state.g[0] @ state.u[0]) * state.u[0]
     b /= np.linalg.norm(b)
     turn = np.stack((state.u[0], np.cross(b, state.u[0]), b))

@@ -21,7 +21,8 @@ from ribbon_cli.store import StateRecord
 DATA = Path(__file__).parent / "data"
 CONFIGS = {
     "pi": "topology: {half_twists: -1}\ninitial_guess: {state: pi-b0.5-N50.npz}\nwidths: [0.5, 1.2, 1.5]\n",
-    "three": "topology: {half_twists: 3}\ninitial_guess: {state: 3pi-b0.3-N60.npz}\nrefinement: [60, 120]\n",
+    "three": "topology: {half_twists: 3}\ninitial_guess: {state: 3pi-b0.3-N60.npz}\nwidths: [0.3, 0.5]\n"
+    "refinement: {levels: [60, 120], at: [0.5]}\n",
 }
 
 Point = tuple[int | Fraction, ...]
@@ -115,16 +116,16 @@ def test_crossings_are_those_in_fractions(seed):
 
 
 def states(bands: Path) -> dict[str, StateRecord]:
-    names = {"pi 0.5": "pi@b=0.5", "pi 1.2": "pi@b=1.2", "pi 1.5": "pi@b=1.5", "three": "three@N=120"}
+    names = {"pi 1.2": "pi@b=1.2", "pi 1.5": "pi@b=1.5", "three": "three@b=0.5,N=120"}
     return {key: load_state(name, runs=bands) for key, name in names.items()}
 
 
 @pytest.mark.parametrize(
     ("name", "thickness"),
-    [("pi 0.5", 5.0), ("pi 1.2", 1.0), ("pi 1.2", 2.0), ("three", 5.0)],
+    [("pi 1.2", 1.0), ("pi 1.2", 5.0), ("three", 5.0)],
 )
 def test_no_triangle_of_a_solid_passes_through_another(name, thickness, bands):
-    """A midline of 200 mm; where offset facets pass through each other there are dozens of such pairs."""
+    """A midline of 200 mm; where offset facets pass through each other there are 24 to 683 such pairs."""
     state = states(bands)[name]
     body = printed(state, 200.0, thickness)
     assert crossings_in_fractions(body.points, body.triangles) == set()

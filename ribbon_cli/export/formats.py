@@ -102,7 +102,8 @@ def _json(states: Sequence[StateRecord], title: str, run: str | None, options: O
 
 def _svg(states: Sequence[StateRecord], title: str, run: str | None, options: Options) -> list[bytes]:
     from ribbon_cli.export.pattern import fold_pattern
-    from ribbon_cli.export.svg import pages, pattern_svg
+    from ribbon_cli.export.sheet import pages
+    from ribbon_cli.export.svg import pattern_svg
 
     pattern = fold_pattern(states[0], PATTERN_SIZE if options.size is None else options.size)
     found = pages(pattern, options.paper)[2]
