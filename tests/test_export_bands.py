@@ -14,8 +14,8 @@ from vtkmodules.vtkIOHDF import vtkHDFReader
 from ribbon_cli import solve
 from ribbon_cli.config import load_config
 from ribbon_cli.export.formats import FORMATS
-from ribbon_cli.export.meshes import solid
 from ribbon_cli.export.pattern import fold_pattern
+from ribbon_cli.export.solid import solid
 from ribbon_cli.export.svg import pattern_svg
 from ribbon_cli.store import Run, StateRecord
 
@@ -62,7 +62,8 @@ def test_solids_are_watertight_at_any_thickness(name, bands):
     area = 2 * state.half_width * state.length
     for share in (0.002, 0.02, 0.2):
         thickness = share * state.half_width
-        mesh = trimesh.Trimesh(*solid(state, thickness), process=False)
+        body = solid(state, thickness)
+        mesh = trimesh.Trimesh(body.points, body.triangles, process=False)
         assert mesh.is_watertight
         assert mesh.is_winding_consistent
         assert mesh.euler_number == 0
@@ -78,7 +79,7 @@ def test_patterns_fold_back(name, half_width, bands):
     assert state.half_width == half_width
     size = 700.0
     data = pattern_svg(fold_pattern(state, size), "a band")
-    u, g = folded(lines(data, "fold"), lines(data, "glue"), half_width * size / state.length, size)
+    u, g = folded(lines(data, "data-node"), lines(data, "data-end"), half_width * size / state.length, size)
     b = state.g[0] - (state.g[0] @ state.u[0]) * state.u[0]
     b /= np.linalg.norm(b)
     turn = np.stack((state.u[0], np.cross(b, state.u[0]), b))

@@ -24,7 +24,8 @@ from vtkmodules.vtkIOHDF import vtkHDFReader
 from ribbon_cli.errors import UsageError
 from ribbon_cli.export.formats import FORMATS
 from ribbon_cli.export.mesh import facet_corners, is_closed, surface
-from ribbon_cli.export.meshes import obj_bytes, ply_bytes, solid, stl_bytes
+from ribbon_cli.export.meshes import obj_bytes, ply_bytes, stl_bytes
+from ribbon_cli.export.solid import printed, solid
 from ribbon_cli.export.text import csv_bytes, json_bytes
 from ribbon_cli.export.viewer import viewer_html
 from ribbon_cli.export.vtkhdf import vtkhdf_bytes
@@ -96,16 +97,16 @@ def test_ply_is_read_back(state):
 
 def test_the_solid_is_watertight_and_oriented(state, tmp_path):
     path = tmp_path / "band.stl"
-    path.write_bytes(stl_bytes(state, "a band", 200.0, 1.0))
-    points, triangles = solid(state, state.length / 200.0)
-    exact = trimesh.Trimesh(points, triangles, process=False)
-    printed = trimesh.load_mesh(path)
-    for mesh in (exact, printed):
+    path.write_bytes(stl_bytes(state, "a band", printed(state, 200.0, 1.0)))
+    body = solid(state, state.length / 200.0)
+    exact = trimesh.Trimesh(body.points, body.triangles, process=False)
+    for mesh in (exact, trimesh.load_mesh(path)):
         assert mesh.is_watertight
         assert mesh.is_winding_consistent
     # A flat wall has thickness times area; a thin one's folds change that by little.
     area = 2 * state.half_width * state.length
-    assert trimesh.Trimesh(*solid(state, 0.005), process=False).volume == pytest.approx(
+    thin = solid(state, 0.005)
+    assert trimesh.Trimesh(thin.points, thin.triangles, process=False).volume == pytest.approx(
         area * 0.005, rel=5e-4
     )
     # A closed band's skin is a torus, an open strip's a sphere.
@@ -115,7 +116,7 @@ def test_the_solid_is_watertight_and_oriented(state, tmp_path):
 def test_no_solid_begins_with_the_word_of_text_files(solved, tmp_path):  # noqa: F811
     """A run may be called solid-ring; readers go by the first five letters."""
     state = states_of(solved, "ring")[-1]
-    data = stl_bytes(state, f"solid-ring-{'0' * 60}:3, b = 0.5", 200.0, 1.0)
+    data = stl_bytes(state, f"solid-ring-{'0' * 60}:3, b = 0.5", printed(state, 200.0, 1.0))
     assert not data.startswith(b"solid")
     assert content_sha256(state)[:12].encode() in data[:80]
     assert len(read_mesh(data, ".stl", tmp_path).cells[0].data) == int.from_bytes(data[80:84], "little")
@@ -123,7 +124,9 @@ def test_no_solid_begins_with_the_word_of_text_files(solved, tmp_path):  # noqa:
 
 def test_walls_keep_their_thickness(state):
     thickness = 0.02
-    points, _ = solid(state, thickness)
+    body = solid(state, thickness)
+    assert body.joined == 0
+    points = body.points
     corners = facet_corners(state)
     normal = np.cross(state.g, state.u)
     normal /= np.linalg.norm(normal, axis=1)[:, None]

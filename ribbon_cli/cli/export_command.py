@@ -85,6 +85,7 @@ def export(
         stem = file_stem(run, states, state)
     path = output or f"{stem}.{form}"
     check_target(path, overwrite)
+    facts: dict[str, float] = {}
     if form == "npz":
         from ribbon_cli.store import export_npz
 
@@ -94,11 +95,15 @@ def export(
         title = _title(run, states)
         data = FORMATS[form].write(states, title, run.name if run else None, options)
         paths = _write(path, data, overwrite)
+        if (remarks := FORMATS[form].remarks) is not None:
+            facts, words = remarks(states[0], options)
+            for line in words:
+                say(settings, line)
     if settings.json:
         hashes = [content_sha256(record) for record in states]
         document = {"path": paths[0], "format": form, "content_sha256": hashes[0]}
         more = {"paths": paths, "states": hashes} if len(paths) > 1 or len(states) > 1 else {}
-        emit_json(document | more)
+        emit_json(document | more | facts)
     else:
         emit("\n".join(paths))
 

@@ -11,6 +11,7 @@ from ribbon_cli.export.series import branch, left_out
 from ribbon_cli.store.refs import typed
 
 if TYPE_CHECKING:
+    from ribbon_cli.export.solid import Solid
     from ribbon_cli.store import Run, StateRecord
 
 MOST_STATES = 400
@@ -35,12 +36,14 @@ class Options:
 class Format:
     """A format: how it is written, whether it takes a whole run, and which options it heeds.
 
-    `write` returns the files' bytes, one but for a pattern on pages.
+    `write` returns the files' bytes, one but for a pattern on pages; `remarks` what has to be said of them,
+    as numbers and in words.
     """
 
     write: Callable[[Sequence[StateRecord], str, str | None, Options], list[bytes]]
     series: bool = False
     options: tuple[str, ...] = ()
+    remarks: Callable[[StateRecord, Options], tuple[dict[str, float], list[str]]] | None = None
 
 
 STL_SIZE, STL_THICKNESS, PATTERN_SIZE = 200.0, 1.0, 500.0
@@ -59,12 +62,24 @@ def _ply(states: Sequence[StateRecord], title: str, run: str | None, options: Op
     return [ply_bytes(states[0], title)]
 
 
-def _stl(states: Sequence[StateRecord], title: str, run: str | None, options: Options) -> list[bytes]:
-    from ribbon_cli.export.meshes import stl_bytes
+def _solid(state: StateRecord, options: Options) -> Solid:
+    from ribbon_cli.export.solid import printed
 
     size = STL_SIZE if options.size is None else options.size
     thickness = STL_THICKNESS if options.thickness is None else options.thickness
-    return [stl_bytes(states[0], title, size, thickness)]
+    return printed(state, size, thickness)
+
+
+def _stl(states: Sequence[StateRecord], title: str, run: str | None, options: Options) -> list[bytes]:
+    from ribbon_cli.export.meshes import stl_bytes
+
+    return [stl_bytes(states[0], title, _solid(states[0], options))]
+
+
+def _stl_remarks(state: StateRecord, options: Options) -> tuple[dict[str, float], list[str]]:
+    from ribbon_cli.export.solid import remarks
+
+    return remarks(state, _solid(state, options))
 
 
 def _vtkhdf(states: Sequence[StateRecord], title: str, run: str | None, options: Options) -> list[bytes]:
@@ -87,7 +102,8 @@ def _json(states: Sequence[StateRecord], title: str, run: str | None, options: O
 
 def _svg(states: Sequence[StateRecord], title: str, run: str | None, options: Options) -> list[bytes]:
     from ribbon_cli.export.pattern import fold_pattern
-    from ribbon_cli.export.svg import pages, pattern_svg
+    from ribbon_cli.export.sheet import pages
+    from ribbon_cli.export.svg import pattern_svg
 
     pattern = fold_pattern(states[0], PATTERN_SIZE if options.size is None else options.size)
     found = pages(pattern, options.paper)[2]
@@ -122,7 +138,7 @@ def _glb(states: Sequence[StateRecord], title: str, run: str | None, options: Op
 
 FORMATS = {
     "obj": Format(_obj),
-    "stl": Format(_stl, options=("size", "thickness")),
+    "stl": Format(_stl, options=("size", "thickness"), remarks=_stl_remarks),
     "ply": Format(_ply),
     "glb": Format(_glb),
     "vtkhdf": Format(_vtkhdf, True, ("segments",)),

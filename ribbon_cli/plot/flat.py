@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ribbon_cli.export.pattern import Pattern, fold_pattern
+from ribbon_cli.export.sheet import FLAT_DEGREES, fold_kind
 from ribbon_cli.plot.style import GREY, INK, PALETTE, Style
 
 if TYPE_CHECKING:
@@ -17,8 +18,6 @@ if TYPE_CHECKING:
     from ribbon_cli.store import StateRecord
 
 MOUNTAIN, VALLEY = PALETTE[1], PALETTE[0]
-FLAT_DEGREES = 1e-6
-"""Fold angle below which a ruling is neither mountain nor valley."""
 FEW_FOLDS = 60
 """Most folds whose dashes can be told apart."""
 LETTER_ROOM = 0.02
@@ -36,7 +35,7 @@ def pattern_figure(record: StateRecord, style: Style) -> Figure:
     axes = figure.subplots()
     draw_pattern(axes, pattern, style)
     handles, labels = axes.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=3, handlelength=3.2)
+    figure.legend(handles, labels, loc="outside upper center", ncols=4, handlelength=3.2)
     return figure
 
 
@@ -71,11 +70,14 @@ def draw_pattern(axes: Axes, pattern: Pattern, style: Style) -> None:
     flat = np.abs(pattern.angles) <= FLAT_DEGREES
     if flat.any():
         axes.add_collection(LineCollection(list(pattern.folds[flat]), colors=GREY, linewidths=style.thin))
-    outline = np.array(
-        [pattern.first[0], pattern.last[0], pattern.last[1], pattern.first[1], pattern.first[0]]
-    )
+    # The flap is cut with the strip, and folded against it.
+    outline = np.vstack((pattern.first[0], pattern.tab, pattern.first[::-1]))
     axes.plot(*outline.T, color=INK, label="cut")
-    axes.fill(*pattern.tab.T, facecolor="#eeeeee", edgecolor=GREY, linewidth=0.7 * style.line, zorder=0)
+    axes.fill(*pattern.tab.T, facecolor="#dddddd", zorder=0, label="flap for glue")
+    seam = fold_kind(pattern.sigma * pattern.seam)
+    axes.plot(
+        *pattern.last.T, color={"mountain": MOUNTAIN, "valley": VALLEY, "flat": GREY}[seam], linewidth=width
+    )
     axes.set_aspect("equal")
     axes.margins(0.01)
     axes.axis("off")
