@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ribbon_cli.export.pattern import Pattern, fold_pattern
+from ribbon_cli.plot.labels import legend_above
 from ribbon_cli.plot.style import GREY, INK, PALETTE, Style
 
 if TYPE_CHECKING:
@@ -21,6 +22,8 @@ FLAT_DEGREES = 1e-6
 """Fold angle below which a ruling is neither mountain nor valley."""
 FEW_FOLDS = 60
 """Most folds whose dashes can be told apart."""
+LETTERS = 3.5
+"""Height of the letters below the strip, in their size."""
 LETTER_ROOM = 0.02
 """Share of the folds that a stretch has to have for a letter of its own."""
 
@@ -32,11 +35,10 @@ def pattern_figure(record: StateRecord, style: Style) -> Figure:
     pattern = fold_pattern(record, 250.0)
     left, low, right, high = pattern.box
     height = style.width * (high - low) / (right - left)
-    figure = Figure(figsize=(style.width, height + 0.11 * style.width), layout="constrained")
+    figure = Figure(figsize=(style.across(), height + LETTERS * style.font / 72), layout="constrained")
     axes = figure.subplots()
     draw_pattern(axes, pattern, style)
-    handles, labels = axes.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=3, handlelength=3.2)
+    legend_above(figure, *axes.get_legend_handles_labels(), rows=0)
     return figure
 
 
