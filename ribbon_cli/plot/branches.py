@@ -35,8 +35,8 @@ MARKS = {
 """Name and marker of a point by its type."""
 DWARFED = 100.0
 """Ratio of the largest eigenvalue to the median beyond which a linear scale shows most as zero."""
-ONE_PLACE = 0.04
-"""Distance, as part of a panel, below which two branches end at one place."""
+NUMBER = (1.6, 1.6)
+"""Room for a branch's number across and up, in sizes of its letters: nearer ends have theirs together."""
 TITLES = ("$E / E_{ring}$", "lowest eigenvalue", "clearance")
 
 
@@ -85,12 +85,13 @@ def arclength_figure(
 def _number(axes: Axes, ends: Sequence[tuple[float, float]], style: Style) -> None:
     """The branches' numbers, as the legend has them, where they end; those that end at one place together."""
     place = axes.transData + axes.transAxes.inverted()
+    room = style.font / 72 * np.array(NUMBER) / np.array(axes.figure.get_size_inches()) * _grid(axes)
     groups: list[tuple[np.ndarray, list[int]]] = []
     for k, end in enumerate(ends):
         if not all(map(math.isfinite, end)):
             continue
         at = place.transform(end)
-        group = next((g for g in groups if np.abs(g[0] - at).max() < ONE_PLACE), None)
+        group = next((g for g in groups if (np.abs(g[0] - at) < room).all()), None)
         if group is None:
             groups.append((at, [k]))
         else:
@@ -105,10 +106,19 @@ def _number(axes: Axes, ends: Sequence[tuple[float, float]], style: Style) -> No
             textcoords="offset points",
             ha="right" if side < 0 else "left",
             va="bottom" if at[1] < 0.9 else "top",
-            color=branch_look(members[0])["color"],
+            color=branch_look(members[0])["color"] if len(members) == 1 else INK,
             fontsize=0.9 * style.font,
+            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 0.4},
             zorder=5,
         )
+
+
+def _grid(axes: Axes) -> np.ndarray:
+    """Columns and rows of the panels that a panel is one of."""
+    found = axes.get_subplotspec()
+    assert found is not None
+    rows, columns = found.get_gridspec().get_geometry()
+    return np.array([columns, rows])
 
 
 def _tame(axes: Axes) -> None:

@@ -107,21 +107,24 @@ def add_caption(figure: Figure, caption: str, style: Style) -> None:
 def add_title(figure: Figure, title: str, style: Style) -> None:
     """Put a title above everything, in as many lines as its width asks for; the figure grows by their height.
 
-    To come last: it moves what is there down.
+    To come last: what is there keeps its place and size, since a layout has no room above legends.
     """
     size = TITLE * style.font
     lines = _wrapped(figure, title, size)
-    room = LEADING * size * (len(lines) + 0.4) / 72
-    height = figure.get_figheight() + room
-    figure.set_figheight(height)
-    top = 1.0 - room / height
-    engine: Any = figure.get_layout_engine()
-    engine.set(rect=(0.0, 0.0, 1.0, top))
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")
+    before = figure.get_figheight()
+    figure.set_figheight(before + LEADING * size * (len(lines) + 0.4) / 72)
+    share = before / figure.get_figheight()
+    for axes in figure.axes:
+        box = axes.get_position(original=True)
+        axes.set_position((box.x0, share * box.y0, box.width, share * box.height))
+    for text in figure.texts:
+        text.set_y(share * text.get_position()[1])
     for legend in figure.legends:
-        legend.set_bbox_to_anchor((0.0, 0.0, 1.0, top), transform=figure.transFigure)
-    place = 1.0 - 0.2 * LEADING * size / 72 / height
-    text = "\n".join(lines)
-    figure.text(0.5, place, text, ha="center", va="top", fontsize=size, parse_math=False)
+        legend.set_bbox_to_anchor((0.0, 0.0, 1.0, share), transform=figure.transFigure)
+    top = 1.0 - 0.2 * LEADING * size / 72 / figure.get_figheight()
+    figure.text(0.5, top, "\n".join(lines), ha="center", va="top", fontsize=size, parse_math=False)
 
 
 def _wrapped(figure: Figure, text: str, size: float) -> list[str]:

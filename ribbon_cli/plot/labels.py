@@ -65,7 +65,7 @@ def listed(texts: Sequence[str]) -> str:
 
 
 def curve_labels(records: Sequence[StateRecord], runs: Sequence[str] = ()) -> list[str]:
-    """What each state differs in, and its standing. `runs` name the states' runs where they are of several."""
+    """What each state differs in, and its standing; `runs` name the states' runs where there are several."""
     return [", ".join((*parts, *filter(None, [standing(record)]))) for parts, record in _told(records, runs)]
 
 

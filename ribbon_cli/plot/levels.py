@@ -44,10 +44,11 @@ def spectrum_figure(
 ) -> Figure:
     """Sorted eigenvalues of the projected Hessian in each metric, rotations left out, on a logarithmic scale.
 
-    Each group of states has a row, named after `names` and what differs if there are several, and rows share
-    their scales; in a narrow picture the metrics stand below each other. Whole spectra are spread over
-    [0, 1], as in Figure 3.14; where all that is stored are the lowest, they are numbered. `runs` name the runs of a
-    single group's states where they are of several. Raises UsageError where a group has no spectrum.
+    Each group of states has a row, named after `names` and what differs if there are several, and rows
+    share their scales; in a narrow picture the metrics stand below each other. Whole spectra are spread
+    over [0, 1], as in Figure 3.14; where all that is stored are the lowest, they are numbered. `runs` name
+    the runs of a single group's states where they are of several. Raises UsageError where a group has no
+    spectrum.
     """
     from matplotlib.figure import Figure
 
@@ -62,7 +63,8 @@ def spectrum_figure(
     rows, columns = len(groups), style.fitting(len(metrics), SPECTRUM)
     # Rows share their scales, so that one way to place modes has to serve all of them.
     spread = all(_spreads(records, "euclidean") for records in groups)
-    height = 0.1 * style.width + rows * len(metrics) // columns * style.row(0.38)
+    heading = style.font / 72 * (2 if rows > 1 else 1)
+    height = 0.05 * style.width + rows * len(metrics) // columns * (style.row(0.36) + heading)
     figure = Figure(figsize=(style.across(), height), layout="constrained")
     titles = _row_titles(groups, names)
     places: list[list[Axes]] = []
@@ -87,7 +89,7 @@ def spectrum_figure(
         legend_above(figure, list(entries[0].values()), list(entries[0]))
     else:  # one line may stand for different meshes in different rows
         for row, found in zip(places, entries, strict=True):
-            row[0].legend(found.values(), found.keys(), loc="upper left", handlelength=2.6)
+            row[0].legend(found.values(), found.keys(), loc="best", handlelength=2.6)
     return figure
 
 

@@ -91,8 +91,9 @@ def amplitude(record: StateRecord, move: Array) -> float:
 def mode_figure(
     record: StateRecord, mode: ModeShape, style: Style, angles: tuple[float, float] | None = None
 ) -> Figure:
-    """Five frames in a row, three where five would be narrow, from one end of the motion to the other; the shape
-    at rest is in the middle.
+    """Five frames in a row, three where five would be narrow, from one end of the motion to the other.
+
+    The shape at rest is in the middle.
     """
     from matplotlib.figure import Figure
 

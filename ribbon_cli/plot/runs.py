@@ -30,8 +30,9 @@ def runs_figure(
 ) -> Figure:
     """Energy over the half-width, each run in a colour and with marks of its own.
 
-    `runs` has for each run summaries of states along its branches, `bands` what each is of. Marks are states, open ones without
-    certificate, crosses those with self-contact; dashes tell how many directions lead down.
+    `runs` has for each run summaries of states along its branches, `bands` what each is of. Marks are
+    states, open ones without certificate, crosses those with self-contact; dashes tell how many directions
+    lead down.
     """
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
