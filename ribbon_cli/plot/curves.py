@@ -148,13 +148,14 @@ def _formulas(axes: Axes, records: Sequence[StateRecord], name: str, theory: Seq
 
     Of several states each is in a dark shade of its curve's colour.
     """
-    limits = axes.get_ylim()
+    limits, alone = axes.get_ylim(), len(records) == 1
     look: dict[str, Any] = {"linewidth": 0.7, "linestyle": (0, (2.5, 2.5)), "zorder": 4}
     for k, (record, values) in enumerate(zip(records, theory, strict=True)):
         alpha, shown = placed(record, name, values, even_window(record))
-        colour = INK if len(records) == 1 else shade(line_look(k, len(alpha))["color"])
-        axes.plot(alpha, shown, color=colour, **look)
-    axes.plot([], [], color=INK, label="explicit formulas", **look)
+        colour = INK if alone else shade(line_look(k, len(alpha))["color"])
+        axes.plot(alpha, shown, color=colour, label="explicit formulas" if alone else "_", **look)
+    if not alone:
+        axes.plot([], [], color=INK, label="explicit formulas", **look)
     axes.set_ylim(limits)
 
 
