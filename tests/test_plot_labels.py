@@ -194,7 +194,7 @@ def test_widths_that_are_left_out_are_counted(solved, monkeypatch):  # noqa: F81
         assert "of 2" not in draw(kind, source, STYLE).title
     monkeypatch.setattr(type(run), "states", lambda self, all=False: [*states, *more])
     for kind in ("geometry", "family"):
-        assert draw(kind, source, STYLE).title.endswith(", 2 of 4 half-widths")
+        assert draw(kind, source, STYLE).title.endswith(", 2 of 4 half-widths, without b = 0.15, 0.2")
 
 
 def test_states_of_other_branches_at_the_same_width_are_counted(solved, monkeypatch):  # noqa: F811
@@ -280,10 +280,11 @@ def test_a_state_that_went_wrong_is_exported_as_numbers_alone(form, wrong, tmp_p
 
 def test_texts_of_a_state_are_no_formulas(solved, tmp_path):  # noqa: F811
     """A stage or status with dollar signs is text; as a formula it might be none."""
-    odd = replace(states_of(solved, "ring")[0], certified=False, status="a $_{$ b", stage="c $_{$ d")
-    path = tmp_path / "odd.h5"
-    path.write_bytes(encode(odd))
-    for more in ((), ("--with", path)):
+    state = replace(states_of(solved, "mobius", "auxiliary")[-1], certified=False, status="a $_{$ b")
+    path, other = tmp_path / "odd $_{$.h5", tmp_path / "odd $_{$ too.h5"
+    path.write_bytes(encode(replace(state, stage="c $_{$ d")))
+    other.write_bytes(encode(replace(state, stage="e")))
+    for more in ((), ("--with", other)):
         result = ribbon("plot", path, "shape", *more, "-o", tmp_path / "x.svg", "--overwrite")
         assert result.exit_code == 0, result.stderr
     assert "c $_{$ d" in (tmp_path / "x.svg").read_text(encoding="utf-8")

@@ -138,7 +138,8 @@ def test_spectra_of_runs_stand_in_rows(solved, tmp_path):  # noqa: F811
     path = tmp_path / "rows.svg"
     document = ribbon_json("plot", "ring", "spectrum", "--with", "mobius", "-o", path, "--runs", solved)
     text = path.read_text()
-    assert text.count(", rule thesis") >= 2
+    assert text.count("ring, untwisted") == 2
+    assert text.count("mobius, π band") == 2
     assert "below, mobius" in text
     assert len(document["labels"]) == 2
 

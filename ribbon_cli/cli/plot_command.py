@@ -32,7 +32,9 @@ PLOT_KINDS = (
 _SEEN = ("shape", "family", "mode")
 _ON_ONE_GRID = ("geometry", "multipliers", "branch", "family")
 _OF_A_RUN = ("convergence", "branch", "family")
-"""Kinds that have a view; that can show a run's states of one N; that show a run and nothing else."""
+_OF_RUNS = ("spectrum", "branch")
+"""Kinds that have a view; that can show a run's states of one N; that show a run and no state; that show
+several runs."""
 
 
 @click.command()
@@ -59,7 +61,7 @@ _OF_A_RUN = ("convergence", "branch", "family")
     metavar="STATE|RUN",
     multiple=True,
     shell_complete=complete_any,
-    help="Another state; another run for a further row of its spectrum.",
+    help="Another state; another run for a further row of its spectrum, or a further curve of its branch.",
 )
 @click.option(
     "--index",
@@ -69,6 +71,10 @@ _OF_A_RUN = ("convergence", "branch", "family")
 )
 @click.option("--view", metavar="AZIMUTH,ELEVATION", help="Degrees, in the band's own axes; else chosen.")
 @click.option("--segments", metavar="N", type=click.IntRange(min=3), help="Of a run, its states with this N.")
+@click.option(
+    "--width", metavar="MM", help="Of the picture in mm, as for a journal's column; else the style's."
+)
+@click.option("--title", metavar="TEXT", help="Above the picture, and in the file's own words.")
 @click.option("--no-caption", is_flag=True, help="Leave the line out that says what is shown.")
 @click.option("--overwrite", is_flag=True, help="Replace the file if there is one.")
 @common_options
@@ -83,6 +89,8 @@ def plot(
     index: int | None,
     view: str | None,
     segments: int | None,
+    width: str | None,
+    title: str | None,
     no_caption: bool,
     overwrite: bool,
 ) -> None:
@@ -94,11 +102,12 @@ def plot(
     KIND of a state:           mode, pattern
     KIND of states:            shape
     KIND of states or a run:   geometry, multipliers, spectrum
-    KIND of a run:             convergence, branch, family
+    KIND of a run:             convergence, family
+    KIND of a run or runs:     branch
     """
-    from ribbon_cli.plot.figure import ANIMATED, add_caption, figure_format, find_style, image, state_caption
+    from ribbon_cli.plot.figure import ANIMATED, dressed, figure_format, find_style, image, state_caption
     from ribbon_cli.plot.kinds import KINDS, animate, draw
-    from ribbon_cli.plot.style import styled
+    from ribbon_cli.plot.style import of_width
     from ribbon_cli.store import suggest, write_atomic
 
     if kind not in KINDS:
@@ -106,6 +115,12 @@ def plot(
     style = find_style(look)
     _check_options(kind, index, view, segments, others)
     form = figure_format(output, moving=kind == "mode") if output else "pdf"
+    if width is not None:
+        if form == ANIMATED:
+            raise UsageError("--width does nothing for a film, which is made of pixels")
+        style = of_width(style, _millimetres(width))
+    if title is not None and not title.strip():
+        raise UsageError("--title is empty: leave it out, or say what the picture shows")
     first, states = open_run_or_state(settings, ref)
     source = _source(settings, ref, first, states, kind, others, view, segments, index)
     if segments and source.states and kind not in _OF_A_RUN:
@@ -114,15 +129,15 @@ def plot(
     check_target(path, overwrite)
     picture = draw(kind, source, style)
     run = source.run.name if source.run else None
-    caption = state_caption(picture.states, run, source.names) if picture.states else str(run)
+    caption = picture.words or (
+        state_caption(picture.states, run, source.names) if picture.states else str(run)
+    )
     shown = None if no_caption else f"{picture.title}. {caption}."
     if form == ANIMATED:
-        data = animate(picture, source, style, shown)
+        data = animate(picture, source, style, shown, title)
     else:
-        with styled(style):
-            if shown:
-                add_caption(picture.figure, shown, style)
-        data = image(picture.figure, form, style, picture.title, caption)
+        figure = dressed(picture.figure, style, shown, title)
+        data = image(figure, form, style, title or picture.title, caption)
     write_atomic(path, data, overwrite=overwrite)
     if settings.json:
         labels = [record.label for record in picture.states]
@@ -143,7 +158,7 @@ def _check_options(
         raise UsageError(f"--view does nothing for {kind}: it is for {', '.join(_SEEN)}")
     if segments and kind not in _ON_ONE_GRID:
         raise UsageError(f"--segments does nothing for {kind}: it is for {', '.join(_ON_ONE_GRID)} of a run")
-    if others and kind in _OF_A_RUN:
+    if others and kind in _OF_A_RUN and kind not in _OF_RUNS:
         raise UsageError(f"--with does nothing for {kind}, which shows a run: it goes with a state")
 
 
@@ -178,13 +193,17 @@ def _source(
     from functools import partial
 
     from ribbon_cli.plot.kinds import Source
+    from ribbon_cli.plot.labels import plain, run_texts
     from ribbon_cli.study import multiplier_curves, run_table
 
+    if others and kind == "branch" and states:
+        raise UsageError(f"branch shows runs: name the run of {ref}")
     more = [open_run_or_state(settings, other) for other in others]
     beside: tuple[Run, ...] = ()
     names: tuple[str, ...] = ()
+    run_names: tuple[str, ...] = ()
     if more and not states:
-        if kind != "spectrum":
+        if kind not in _OF_RUNS:
             raise UsageError("--with goes with a state, and the reference names a run")
         if any(found for _, found in more):
             raise UsageError("--with needs a run beside a run, not a state")
@@ -195,9 +214,14 @@ def _source(
         given = [(run, states), *more]
         states = tuple(record for _, found in given for record in found)
         if run is None or any(other is None or other.path != run.path for other, _ in more):
-            run, names = None, tuple(_name(*each) for each in zip(given, (ref, *others), strict=True))
+            run, refs = None, (ref, *others)
+            names = tuple(_name(*each) for each in zip(given, refs, strict=True))
+            texts = zip(run_texts([found for found, _ in given]), refs, strict=True)
+            run_names = tuple(text or plain(os.path.basename(ref)) for text, ref in texts)
     mode = partial(_mode, index=index)
-    return Source(run, states, run_table, multiplier_curves, mode, _angles(view), segments, beside, names)
+    return Source(
+        run, states, run_table, multiplier_curves, mode, _angles(view), segments, beside, names, run_names
+    )
 
 
 def _name(found: tuple[Run | None, tuple[StateRecord, ...]], ref: str) -> str:
@@ -260,6 +284,14 @@ def _angles(text: str | None) -> tuple[float, float] | None:
     if not (abs(azimuth) < 1e6 and abs(elevation) <= 90):
         raise UsageError(f"--view {text}: the elevation lies between -90 and 90")
     return azimuth, elevation
+
+
+def _millimetres(text: str) -> float:
+    """A width as typed. Raises UsageError."""
+    try:
+        return float(text)
+    except ValueError:
+        raise UsageError(f"--width {text}: expected a number of millimetres, as in --width 86") from None
 
 
 def file_stem(run: Run | None, states: tuple[StateRecord, ...], ref: str) -> str:

@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ribbon_cli.plot.labels import legend_columns
-from ribbon_cli.plot.style import INK, LIGHT_GREY, PALETTE, Style
+from ribbon_cli.plot.labels import legend_above, plain
+from ribbon_cli.plot.panels import panels
+from ribbon_cli.plot.style import INK, LIGHT_GREY, PALETTE, Style, branch_look, spread
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 
 Point = Mapping[str, Any]
 
@@ -33,8 +35,8 @@ MARKS = {
 """Name and marker of a point by its type."""
 DWARFED = 100.0
 """Ratio of the largest eigenvalue to the median beyond which a linear scale shows most as zero."""
-ONE_PLACE = 0.04
-"""Distance, as part of a panel, below which two branches end at one place."""
+NUMBER = (1.6, 1.6)
+"""Room for a branch's number across and up, in sizes of its letters: nearer ends have theirs together."""
 TITLES = ("$E / E_{ring}$", "lowest eigenvalue", "clearance")
 
 
@@ -45,52 +47,51 @@ def arclength_figure(
 
     `courses` are summaries of states by the name of the branch, from its start on; `starts` the lowest
     eigenvalue by label of a start that is no point of a branch. Dashes tell how many directions lead down,
-    colours and numbers at their ends the branches, marks folds, branch points and contact.
+    colours, small marks and numbers at their ends the branches, open marks folds, branch points and contact.
     """
-    from matplotlib.figure import Figure
-
-    rows = 0.13 * style.width + 0.05 * style.width * len(courses) / 2
-    figure = Figure(figsize=(style.width, 0.36 * style.width + rows), layout="constrained")
-    panels = figure.subplots(1, 3)
+    figure, places = panels(style, 3, 3, 0.4)
     used: set[int | None] = set()
-    ends: list[list[tuple[float, float]]] = [[] for _ in panels]
+    ends: list[list[tuple[float, float]]] = [[] for _ in places]
     for k, points in enumerate(courses.values()):
         b = np.array([p["half_width"] for p in points])
         energy = np.array([p["energy"] for p in points], dtype=float)
         ring = 2 * np.pi**2 * b / points[0]["length"]
         lowest = np.array([_eigenvalue(p, starts) for p in points])
         clearance = np.array([p["clearance"] for p in points], dtype=float)
-        stretches = _stretches(points)
-        used |= set(stretches)
-        colour = PALETTE[k % len(PALETTE)]
-        for axes, values, end in zip(panels, (energy / ring, lowest, clearance), ends, strict=True):
-            _draw(axes, b, values, stretches, colour, style)
-            _mark(axes, points, b, values, colour, style)
+        look = branch_look(k) if len(courses) > 1 else {"color": PALETTE[0]}
+        for axes, values, end in zip(places, (energy / ring, lowest, clearance), ends, strict=True):
+            used |= draw_course(axes, points, b, values, look["color"], style)
+            if len(courses) > 1:
+                first, step = spread(k, len(points))
+                axes.plot(b[first::step], values[first::step], linestyle="", zorder=3, **look)
+            mark_points(axes, points, b, values, look["color"], style)
             last = np.flatnonzero(~np.isnan(values))[-1:]
             end += [(float(b[j]), float(values[j])) for j in last] or [(math.nan, math.nan)]
-    for axes, title in zip(panels, TITLES, strict=True):
+    for axes, title in zip(places, TITLES, strict=True):
         axes.set_title(title, loc="left")
         axes.set_xlabel("$b$")
         axes.margins(0.06)
-    _tame(panels[1])
-    panels[1].axhline(0.0, color=LIGHT_GREY, linewidth=0.6, zorder=0)
-    panels[2].set_ylim(bottom=0.0)
+    _tame(places[1])
+    places[1].axhline(0.0, color=LIGHT_GREY, linewidth=0.6, zorder=0)
+    places[2].set_ylim(bottom=0.0)
     if len(courses) > 1:
-        for axes, end in zip(panels, ends, strict=True):
+        for axes, end in zip(places, ends, strict=True):
             _number(axes, end, style)
-    _legend(figure, courses, used, style)
+    handles = _names(courses, style) + meanings(used, [p for points in courses.values() for p in points])
+    legend_above(figure, handles, [str(handle.get_label()) for handle in handles], rows=0)
     return figure
 
 
 def _number(axes: Axes, ends: Sequence[tuple[float, float]], style: Style) -> None:
     """The branches' numbers, as the legend has them, where they end; those that end at one place together."""
     place = axes.transData + axes.transAxes.inverted()
+    room = style.font / 72 * np.array(NUMBER) / np.array(axes.figure.get_size_inches()) * _grid(axes)
     groups: list[tuple[np.ndarray, list[int]]] = []
     for k, end in enumerate(ends):
         if not all(map(math.isfinite, end)):
             continue
         at = place.transform(end)
-        group = next((g for g in groups if np.abs(g[0] - at).max() < ONE_PLACE), None)
+        group = next((g for g in groups if (np.abs(g[0] - at) < room).all()), None)
         if group is None:
             groups.append((at, [k]))
         else:
@@ -105,10 +106,19 @@ def _number(axes: Axes, ends: Sequence[tuple[float, float]], style: Style) -> No
             textcoords="offset points",
             ha="right" if side < 0 else "left",
             va="bottom" if at[1] < 0.9 else "top",
-            color=PALETTE[members[0] % len(PALETTE)],
+            color=branch_look(members[0])["color"] if len(members) == 1 else INK,
             fontsize=0.9 * style.font,
+            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 0.4},
             zorder=5,
         )
+
+
+def _grid(axes: Axes) -> np.ndarray:
+    """Columns and rows of the panels that a panel is one of."""
+    found = axes.get_subplotspec()
+    assert found is not None
+    rows, columns = found.get_gridspec().get_geometry()
+    return np.array([columns, rows])
 
 
 def _tame(axes: Axes) -> None:
@@ -167,23 +177,20 @@ def _runs(stretches: Sequence[int | None]) -> Iterator[tuple[int | None, int, in
         place += count
 
 
-def _draw(
-    axes: Axes,
-    b: np.ndarray,
-    values: np.ndarray,
-    stretches: Sequence[int | None],
-    colour: str,
-    style: Style,
-) -> None:
-    """A branch as lines, dashed by index."""
+def draw_course(
+    axes: Axes, points: Sequence[Point], b: np.ndarray, values: np.ndarray, colour: str, style: Style
+) -> set[int | None]:
+    """Draw a branch as lines, dashed by index; the indices that it has."""
+    stretches = _stretches(points)
     for index, first, last in _runs(stretches):
         part = slice(first, last + 1)
         known = ~np.isnan(values[part])
         x, y = b[part][known], values[part][known]
         axes.plot(x, y, color=colour, linestyle=LINES[index][1], linewidth=style.line)
+    return set(stretches)
 
 
-def _mark(
+def mark_points(
     axes: Axes, points: Sequence[Point], b: np.ndarray, values: np.ndarray, colour: str, style: Style
 ) -> None:
     """Marks at points that are more than steps."""
@@ -203,29 +210,30 @@ def _mark(
         )
 
 
-def _legend(
-    figure: Figure, courses: Mapping[str, Sequence[Point]], used: set[int | None], style: Style
-) -> None:
-    """What colours, dashes and marks mean; of these only what is there."""
+def _names(courses: Mapping[str, Sequence[Point]], style: Style) -> list[Line2D]:
+    """A legend's lines for branches, numbered where there are several."""
     from matplotlib.lines import Line2D
 
-    def label(k: int, name: str) -> str:
-        return f"{k + 1} {name}" if len(courses) > 1 else name
-
-    types = {p["branch"]["type"] for points in courses.values() for p in points if p.get("branch")}
-    handles = [
-        Line2D([], [], color=PALETTE[k % len(PALETTE)], label=label(k, name), linewidth=2 * style.line)
-        for k, name in enumerate(courses)
+    if len(courses) == 1:
+        return [Line2D([], [], color=PALETTE[0], label=name, linewidth=2 * style.line) for name in courses]
+    return [
+        Line2D([], [], label=f"{k + 1} {plain(name)}", **branch_look(k)) for k, name in enumerate(courses)
     ]
-    handles += [
+
+
+def meanings(used: set[int | None], points: Sequence[Point]) -> list[Line2D]:
+    """A legend's lines for what dashes and open marks mean; of these only what is there."""
+    from matplotlib.lines import Line2D
+
+    types = {p["branch"]["type"] for p in points if p.get("branch")}
+    lines = [
         Line2D([], [], color=INK, linestyle=dashes, label=name)
         for index, (name, dashes) in LINES.items()
         if index in used
     ]
-    handles += [
+    lines += [
         Line2D([], [], color=INK, linestyle="", marker=marker, markerfacecolor="white", label=name)
         for kind, (name, marker) in MARKS.items()
         if kind in types
     ]
-    columns = legend_columns([str(handle.get_label()) for handle in handles], figure)
-    figure.legend(handles=handles, loc="outside upper center", ncols=columns, handlelength=3.0)
+    return lines

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from ribbon_cli.export.fields import even_window, field, placed
 from ribbon_cli.export.mesh import check_shape
-from ribbon_cli.plot.labels import curve_labels, legend_columns
-from ribbon_cli.plot.style import INK, LIGHT_GREY, Style, line_look
+from ribbon_cli.plot.labels import curve_labels, legend_above
+from ribbon_cli.plot.panels import panels
+from ribbon_cli.plot.style import INK, LIGHT_GREY, Style, line_look, shade
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -53,18 +54,19 @@ def draw_field(
     name: str,
     title: str,
     values: Sequence[Array] | None = None,
+    runs: Sequence[str] = (),
 ) -> None:
     """Draw one field of several states over alpha, in the unit of l; `values` in place of what is stored.
 
-    Raises UsageError for a state that went wrong.
+    `runs` name the states' runs where they are of several. Raises UsageError for a state that went wrong.
     """
-    labels = curve_labels(records)
+    labels = curve_labels(records, runs)
     axes.axhline(0.0, color=LIGHT_GREY, linewidth=0.6, zorder=0)
     for k, record in enumerate(records):
         check_shape(record)
         window = even_window(record)
         alpha, shown = placed(record, name, values[k], window) if values else field(record, name, window)
-        axes.plot(alpha, shown, label=labels[k], zorder=2 + 0.1 * k, **line_look(k))
+        axes.plot(alpha, shown, label=labels[k], zorder=2 + 0.1 * k, **line_look(k, len(alpha)))
     alpha_axis(axes, [record.length for record in records])
     axes.set_title(title, loc="left", fontsize=plain_size() * 1.15)
     axes.margins(y=0.08)
@@ -93,22 +95,31 @@ def alpha_axis(axes: Axes, lengths: Sequence[float]) -> None:
         axes.set_xticklabels(["0", "ℓ/4", "ℓ/2", "3ℓ/4", "ℓ"])
 
 
-def geometry_figure(records: Sequence[StateRecord], style: Style) -> Figure:
+def geometry_figure(records: Sequence[StateRecord], style: Style, runs: Sequence[str] = ()) -> Figure:
     """Signed curvature, torsion, eta and eta' of one or more states."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(style.width, 0.62 * style.width), layout="constrained")
-    panels = figure.subplots(2, 2, sharex=True).ravel()
-    for axes, (name, title) in zip(panels, GEOMETRY.items(), strict=True):
-        draw_field(axes, records, name, title)
-    for axes in panels[2:]:
-        axes.set_xlabel(r"$\alpha$")
-    _legend(figure, panels[0])
+    figure, places = panels(style, len(GEOMETRY), 2, 0.31)
+    for axes, (name, title) in zip(places, GEOMETRY.items(), strict=True):
+        draw_field(axes, records, name, title, None, runs)
+    _label_lowest(places, len(places))
+    _legend(figure, places[0])
     return figure
 
 
+def _label_lowest(places: Sequence[Axes], count: int) -> None:
+    """Name alpha below the lowest panels; the others go without numbers. Panels are counted to `count`."""
+    columns = len({axes.get_subplotspec().colspan.start for axes in places})  # type: ignore[union-attr]
+    for k, axes in enumerate(places[:count]):
+        if k + columns >= count:
+            axes.set_xlabel(r"$\alpha$")
+        else:
+            axes.tick_params(labelbottom=False)
+
+
 def multipliers_figure(
-    records: Sequence[StateRecord], style: Style, curves: Sequence[Sequence[Curve] | None] = ()
+    records: Sequence[StateRecord],
+    style: Style,
+    curves: Sequence[Sequence[Curve] | None] = (),
+    runs: Sequence[str] = (),
 ) -> Figure:
     """The multipliers lambda_1 to lambda_5; the sixth panel has the closure force gamma of each state.
 
@@ -117,34 +128,34 @@ def multipliers_figure(
     formulas as thin dashed lines. Near inflections these leave the panels, which are fitted to what was
     computed.
     """
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(style.width, 0.62 * style.width), layout="constrained")
-    panels = figure.subplots(2, 3).ravel()
+    figure, places = panels(style, 6, 3, 0.31)
     given = [list(found) for found in curves if found]
     compared = len(given) == len(records)
-    for axes, (name, title) in zip(panels, (CENTRED if compared else MULTIPLIERS).items(), strict=False):
+    for axes, (name, title) in zip(places, (CENTRED if compared else MULTIPLIERS).items(), strict=False):
         found = [next(c for c in of_state if c.name == name) for of_state in given] if compared else []
-        draw_field(axes, records, name, title, [c.computed for c in found] or None)
-        if name in ("lambda_3", "lambda_4", "lambda_5"):
-            axes.set_xlabel(r"$\alpha$")
-        else:
-            axes.tick_params(labelbottom=False)
+        draw_field(axes, records, name, title, [c.computed for c in found] or None, runs)
         _tame(axes)
         if found:
             _formulas(axes, records, name, [c.theory for c in found])
-    _forces(panels[5], records)
-    _legend(figure, panels[0])
+    _label_lowest(places, len(MULTIPLIERS))
+    _forces(places[5], records)
+    _legend(figure, places[0])
     return figure
 
 
 def _formulas(axes: Axes, records: Sequence[StateRecord], name: str, theory: Sequence[Array]) -> None:
-    """The explicit formulas on top of the computed curves, in limits that these have set."""
-    limits = axes.get_ylim()
-    for record, values in zip(records, theory, strict=True):
+    """The explicit formulas on top of the computed curves, in limits that these have set.
+
+    Of several states each is in a dark shade of its curve's colour.
+    """
+    limits, alone = axes.get_ylim(), len(records) == 1
+    look: dict[str, Any] = {"linewidth": 0.7, "linestyle": (0, (2.5, 2.5)), "zorder": 4}
+    for k, (record, values) in enumerate(zip(records, theory, strict=True)):
         alpha, shown = placed(record, name, values, even_window(record))
-        (line,) = axes.plot(alpha, shown, color=INK, linewidth=0.7, linestyle=(0, (2.5, 2.5)), zorder=4)
-    line.set_label("explicit formulas")
+        colour = INK if alone else shade(line_look(k, len(alpha))["color"])
+        axes.plot(alpha, shown, color=colour, label="explicit formulas" if alone else "_", **look)
+    if not alone:
+        axes.plot([], [], color=INK, label="explicit formulas", **look)
     axes.set_ylim(limits)
 
 
@@ -169,15 +180,14 @@ def _forces(axes: Axes, records: Sequence[StateRecord]) -> None:
     axes.axis("off")
     axes.set_title(r"$|\gamma|$", loc="left", fontsize=plain_size() * 1.15)
     lines = [
-        Line2D([], [], label=f"{np.linalg.norm(record.gamma):.3g}", **line_look(k))
+        Line2D([], [], label=f"{np.linalg.norm(record.gamma):.3g}", **line_look(k, record.segments))
         for k, record in enumerate(records)
     ]
     axes.legend(handles=lines, loc="upper left", borderaxespad=0.0, handlelength=2.6, fontsize=plain_size())
 
 
 def _legend(figure: Figure, axes: Axes) -> None:
-    """One line above the panels that says which curve is which state."""
+    """Above the panels which curve is which state, where there are several."""
     handles, labels = axes.get_legend_handles_labels()
     if len(labels) > 1:
-        columns = legend_columns(labels, figure)
-        figure.legend(handles, labels, loc="outside upper center", ncols=columns, handlelength=2.6)
+        legend_above(figure, handles, labels)

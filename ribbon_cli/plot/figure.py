@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 FORMATS = ("pdf", "svg", "png")
 ANIMATED = "gif"
+TITLE = 1.25
+"""Size of a picture's title, as a multiple of its letters'."""
 LEADING = 1.4
 """From line to line of a caption, as a multiple of its letters' size, with the room above and below."""
 
@@ -81,20 +83,56 @@ def state_caption(records: Sequence[StateRecord], run: str | None, names: Sequen
     )
 
 
+def dressed(figure: Figure, style: Style, caption: str | None, title: str | None) -> Figure:
+    """A figure with its caption and its title, where it has them."""
+    with styled(style):
+        if caption:
+            add_caption(figure, caption, style)
+        if title:
+            add_title(figure, title, style)
+    return figure
+
+
 def add_caption(figure: Figure, caption: str, style: Style) -> None:
     """Put a caption below a figure in small grey letters, in as many lines as its width asks for.
 
     The figure grows by their height: taken from the panels, whose scales are fixed, it would push titles out.
     """
+    lines = _wrapped(figure, caption, style.note)
+    figure.set_figheight(figure.get_figheight() + LEADING * style.note * len(lines) / 72)
+    text = "\n".join(lines)
+    figure.supxlabel(text, x=0.005, ha="left", fontsize=style.note, color=GREY, parse_math=False)
+
+
+def add_title(figure: Figure, title: str, style: Style) -> None:
+    """Put a title above everything, in as many lines as its width asks for; the figure grows by their height.
+
+    To come last: what is there keeps its place and size, since a layout has no room above legends.
+    """
+    size = TITLE * style.font
+    lines = _wrapped(figure, title, size)
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")
+    before = figure.get_figheight()
+    figure.set_figheight(before + LEADING * size * (len(lines) + 0.4) / 72)
+    share = before / figure.get_figheight()
+    for axes in figure.axes:
+        box = axes.get_position(original=True)
+        axes.set_position((box.x0, share * box.y0, box.width, share * box.height))
+    for text in figure.texts:
+        text.set_y(share * text.get_position()[1])
+    for legend in figure.legends:
+        legend.set_bbox_to_anchor((0.0, 0.0, 1.0, share), transform=figure.transFigure)
+    top = 1.0 - 0.2 * LEADING * size / 72 / figure.get_figheight()
+    figure.text(0.5, top, "\n".join(lines), ha="center", va="top", fontsize=size, parse_math=False)
+
+
+def _wrapped(figure: Figure, text: str, size: float) -> list[str]:
+    """A text in lines as long as a figure is wide, in letters of this size in points."""
     import textwrap
 
-    size = 0.7 * style.font
     # A letter of this font is about 0.53 of its size wide.
-    columns = max(20, int(figure.get_figwidth() * 72 / (0.55 * size)))
-    lines = textwrap.wrap(caption, columns)
-    figure.set_figheight(figure.get_figheight() + LEADING * size * len(lines) / 72)
-    text = "\n".join(lines)
-    figure.supxlabel(text, x=0.005, ha="left", fontsize=size, color=GREY, parse_math=False)
+    return textwrap.wrap(text, max(20, int(figure.get_figwidth() * 72 / (0.55 * size))))
 
 
 def image(figure: Figure, form: str, style: Style, title: str, caption: str) -> bytes:

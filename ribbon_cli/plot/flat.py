@@ -8,6 +8,7 @@ import numpy as np
 
 from ribbon_cli.export.pattern import Pattern, fold_pattern
 from ribbon_cli.export.sheet import FLAT_DEGREES, fold_kind
+from ribbon_cli.plot.labels import legend_above
 from ribbon_cli.plot.style import GREY, INK, PALETTE, Style
 
 if TYPE_CHECKING:
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 MOUNTAIN, VALLEY = PALETTE[1], PALETTE[0]
 FEW_FOLDS = 60
 """Most folds whose dashes can be told apart."""
+LETTERS = 3.5
+"""Height of the letters below the strip, in their size."""
 LETTER_ROOM = 0.02
 """Share of the folds that a stretch has to have for a letter of its own."""
 
@@ -31,11 +34,10 @@ def pattern_figure(record: StateRecord, style: Style) -> Figure:
     pattern = fold_pattern(record, 250.0)
     left, low, right, high = pattern.box
     height = style.width * (high - low) / (right - left)
-    figure = Figure(figsize=(style.width, height + 0.11 * style.width), layout="constrained")
+    figure = Figure(figsize=(style.across(), height + LETTERS * style.font / 72), layout="constrained")
     axes = figure.subplots()
     draw_pattern(axes, pattern, style)
-    handles, labels = axes.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=4, handlelength=3.2)
+    legend_above(figure, *axes.get_legend_handles_labels(), rows=0)
     return figure
 
 

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from textwrap import fill
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from ribbon_cli.errors import UsageError
 from ribbon_cli.export.series import branch, courses, finest, latest, left_out, levels
-from ribbon_cli.plot.style import Style, styled
+from ribbon_cli.plot.labels import band_text, listed, panel_titles, run_texts, width_texts
+from ribbon_cli.plot.style import MOST_LOOKS, Style, styled
 from ribbon_cli.store.refs import typed
-from ribbon_cli.text import visible
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -22,11 +21,11 @@ if TYPE_CHECKING:
     from ribbon_cli.report.convergence import Table
     from ribbon_cli.store import Run, StateRecord
 
+T = TypeVar("T")
+
 MOST_CURVES = 7
-"""Most curves that one panel tells apart."""
+"""Most half-widths of a run in one panel; of states that someone names there may be `MOST_LOOKS`."""
 MOST_SHAPES = 12
-TITLE_COLUMNS = 24
-"""Letters in a line of a title where shapes stand in a row."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +35,8 @@ class Source:
     `whole_run` says that the reference was to the run; then `states` is empty. `table` gives the run's
     convergence table, `curves` a state's multipliers beside their formulas (UsageError where it has none),
     `mode` the mode to show of a state. `angles` is a chosen view, `segments` the N to show of a run,
-    `beside` are further runs. `names` are the states' references where they are of several runs.
+    `beside` are further runs. `names` are the states' references where they are of several runs, and
+    `run_names` names their runs.
     """
 
     run: Run | None
@@ -48,6 +48,7 @@ class Source:
     segments: int | None = None
     beside: tuple[Run, ...] = ()
     names: tuple[str, ...] = ()
+    run_names: tuple[str, ...] = ()
 
     @property
     def whole_run(self) -> bool:
@@ -57,12 +58,15 @@ class Source:
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure with its title, the states that it shows, and the mode if it shows one."""
+    """A figure with its title, the states that it shows, the mode if it shows one, and what it shows in words
+    where that are no states.
+    """
 
     figure: Figure
     title: str
     states: tuple[StateRecord, ...]
     mode: ModeShape | None = None
+    words: str = ""
 
 
 def draw(kind: str, source: Source, style: Style) -> Picture:
@@ -71,13 +75,15 @@ def draw(kind: str, source: Source, style: Style) -> Picture:
         return KINDS[kind](source, style)
 
 
-def animate(picture: Picture, source: Source, style: Style, caption: str | None) -> bytes:
+def animate(
+    picture: Picture, source: Source, style: Style, caption: str | None, title: str | None = None
+) -> bytes:
     """The picture of a mode as an animated GIF."""
     from ribbon_cli.plot.modes import mode_animation
 
     assert picture.mode is not None
     with styled(style):
-        return mode_animation(picture.states[0], picture.mode, style, caption, source.angles)
+        return mode_animation(picture.states[0], picture.mode, style, caption, source.angles, title)
 
 
 def _one(source: Source, kind: str) -> StateRecord:
@@ -100,62 +106,70 @@ def _run(source: Source, kind: str) -> Run:
     return source.run
 
 
-def _several(source: Source) -> tuple[tuple[StateRecord, ...], str]:
+def _several(source: Source, kind: str) -> tuple[tuple[StateRecord, ...], str]:
     """The states named, or of a run the finest of each half-width, or all widths of the N asked for.
 
-    What of these is left out, because no more can be told apart, is said in words for the title.
+    What of these is left out, because no more can be told apart, is said in words for the title. Raises
+    UsageError where too many are named.
     """
-    if not source.whole_run:
-        return source.states, ""
-    assert source.run is not None
-    return _spread_out(source.run, source.segments, MOST_CURVES)
+    if source.whole_run:
+        assert source.run is not None
+        return _spread_out(source.run, source.segments, MOST_CURVES)
+    if len(source.states) > MOST_LOOKS:
+        raise UsageError(
+            f"{kind} tells {MOST_LOOKS} states apart, and {len(source.states)} are named: leave some out"
+        )
+    return source.states, ""
 
 
 def _spread_out(run: Run, segments: int | None, most: int) -> tuple[tuple[StateRecord, ...], str]:
     """At most so many widths of a run, and words for the title where that are not all of them."""
     found = branch(run, segments) if segments else finest(run)
     chosen = _thinned(found, most)
-    note = f", {len(chosen)} of {len(found)} half-widths" if len(chosen) < len(found) else ""
+    note = _without([s["half_width"] for s in found], [s["half_width"] for s in chosen])
     return tuple(run.load(state["label"]) for state in chosen), note + left_out(run, chosen)
 
 
-def _thinned(items: Sequence[dict[str, Any]], most: int) -> list[dict[str, Any]]:
+def _thinned(items: Sequence[T], most: int) -> list[T]:
     """At most so many of the items, the first and the last among them, evenly spread."""
     if len(items) <= most:
         return list(items)
     return [items[round(k * (len(items) - 1) / (most - 1))] for k in range(most)]
 
 
+def _without(found: Sequence[float], chosen: Sequence[float]) -> str:
+    """Words for the title where of some half-widths not all were chosen: how many, and which are left out."""
+    if len(chosen) == len(found):
+        return ""
+    texts = dict(zip(found, width_texts(found), strict=True))
+    without = listed([text for b, text in texts.items() if b not in chosen])
+    return f", {len(chosen)} of {len(found)} half-widths, without b = {without}"
+
+
 def _shape(source: Source, style: Style) -> Picture:
-    from ribbon_cli.plot.pictures import Panel, shape_figure, shapes_figure
+    from ribbon_cli.plot.pictures import Panel, letters_across, shape_figure, shapes_figure
 
     states = source.states
     if len(states) < 2:
         record = _one(source, "shape")
         return Picture(shape_figure(record, style, source.angles), "Shape", (record,))
-    panels = [Panel(record, _title(record)) for record in states]
+    titles = panel_titles(states, source.run_names, letters_across(len(states), style))
+    panels = [Panel(record, title) for record, title in zip(states, titles, strict=True)]
     return Picture(shapes_figure(panels, style, aligned=True, angles=source.angles), "Shapes", states)
-
-
-def _title(record: StateRecord) -> str:
-    """The name of a state's stage in short lines; and that it has no certificate, where it might have one."""
-    parts = visible(record.stage).replace("$", r"\$").replace(", ", ",\n").splitlines()
-    if record.kind != "auxiliary" and not record.certified:
-        parts.append("no certificate")
-    return "\n".join(fill(part, TITLE_COLUMNS) for part in parts)
 
 
 def _geometry(source: Source, style: Style) -> Picture:
     from ribbon_cli.plot.curves import geometry_figure
 
-    states, note = _several(source)
-    return Picture(geometry_figure(states, style), f"Signed curvature, torsion, eta and eta'{note}", states)
+    states, note = _several(source, "geometry")
+    figure = geometry_figure(states, style, source.run_names)
+    return Picture(figure, f"Signed curvature, torsion, eta and eta'{note}", states)
 
 
 def _multipliers(source: Source, style: Style) -> Picture:
     from ribbon_cli.plot.curves import multipliers_figure
 
-    states, note = _several(source)
+    states, note = _several(source, "multipliers")
     for record in states:
         if not math.isfinite(record.gamma.sum()):
             raise UsageError(
@@ -165,7 +179,7 @@ def _multipliers(source: Source, style: Style) -> Picture:
     title = "Lagrange multipliers"
     if any(curves):
         title += " and, dashed, their explicit formulas on the same shapes"
-    return Picture(multipliers_figure(states, style, curves), title + note, states)
+    return Picture(multipliers_figure(states, style, curves, source.run_names), title + note, states)
 
 
 def _curves(source: Source, record: StateRecord) -> Sequence[Curve] | None:
@@ -182,13 +196,14 @@ def _spectrum(source: Source, style: Style) -> Picture:
 
     title = "Eigenvalues of the projected Hessian"
     if not source.whole_run:
-        return Picture(spectrum_figure([source.states], style), title, source.states)
+        states, _ = _several(source, "spectrum")
+        return Picture(spectrum_figure([states], style, (), source.run_names), title, states)
     runs = (_run(source, "spectrum"), *source.beside)
     groups = [_refined(run) for run in runs]
     if source.beside:
         below = [state_caption(g, run.name) for g, run in zip(groups[1:], source.beside, strict=True)]
         title += f", row by row; below, {' and '.join(below)}"
-    return Picture(spectrum_figure(groups, style, [run.short_name for run in runs]), title, groups[0])
+    return Picture(spectrum_figure(groups, style, run_texts(runs)), title, groups[0])
 
 
 def _refined(run: Run) -> tuple[StateRecord, ...]:
@@ -207,17 +222,22 @@ def _refined(run: Run) -> tuple[StateRecord, ...]:
 
 
 def _convergence(source: Source, style: Style) -> Picture:
-    from ribbon_cli.plot.levels import convergence_figure
+    from ribbon_cli.plot.levels import convergence_figure, differences
 
-    run = _run(source, "convergence")
-    figure = convergence_figure(source.table(run), style)
-    return Picture(figure, "Energy differences under refinement", ())
+    table = source.table(_run(source, "convergence"))
+    found = list(differences(table))
+    chosen = _thinned(found, MOST_LOOKS)
+    shown = replace(table, rows=tuple(row for row in table.rows if row.half_width in chosen))
+    title = "Energy differences under refinement" + _without(found, chosen)
+    return Picture(convergence_figure(shown, style), title, ())
 
 
 def _branch(source: Source, style: Style) -> Picture:
     from ribbon_cli.plot.levels import branch_figure, lowest_value
 
     run = _run(source, "branch")
+    if source.beside:
+        return _runs(source, style)
     if followed := courses(run, source.segments):
         return _followed(run, followed, style)
     states = branch(run, source.segments)
@@ -255,11 +275,41 @@ def _followed(run: Run, followed: dict[str, list[dict[str, Any]]], style: Style)
         p["label"]: p["branch"]["type"] for points in followed.values() for p in points if p.get("branch")
     }
     types = list(every.values())
+    shown = dict(list(followed.items())[:MOST_LOOKS])
     title = f"Branches in the width: {len(followed)}"
+    if len(shown) < len(followed):
+        title += f", {len(shown)} of them shown, without {listed(list(followed)[MOST_LOOKS:])}"
     for kind, name in (("fold", "folds"), ("branch-point", "branch points")):
         if kind in types:
             title += f", {name}: {types.count(kind)}"
-    return Picture(arclength_figure(followed, starts, style), title, ())
+    return Picture(arclength_figure(shown, starts, style), title, ())
+
+
+def _runs(source: Source, style: Style) -> Picture:
+    """Energies of several runs over the half-width."""
+    from ribbon_cli.plot.runs import MOST_RUNS, runs_figure
+
+    runs = (_run(source, "branch"), *source.beside)
+    if len({run.path.resolve() for run in runs}) < len(runs):
+        raise UsageError("--with names a run that is there already")
+    if len(runs) > MOST_RUNS:
+        raise UsageError(f"branch tells {MOST_RUNS} runs apart, and {len(runs)} are named: leave some out")
+    shown: list[list[list[dict[str, Any]]]] = []
+    words = []
+    for run in runs:
+        followed = list(courses(run, source.segments).values())
+        states = branch(run, source.segments) if not followed else []
+        shown.append(followed or [states])
+        every = {state["label"]: state for points in shown[-1] for state in points}.values()
+        certified = sum(bool(state["certified"]) for state in every)
+        meshes = ", ".join(str(n) for n in sorted({state["segments"] for state in every}))
+        words.append(
+            f"{run.name}, N = {meshes} ({certified} of {len(every)} certified{left_out(run, states)})"
+        )
+    bands = [band_text(run.load(c[0][0]["label"]).half_twists) for run, c in zip(runs, shown, strict=True)]
+    figure = runs_figure(run_texts(runs), bands, shown, style)
+    title = f"Energies of {len(runs)} runs over the half-width"
+    return Picture(figure, title, (), words="; ".join(words))
 
 
 def _family(source: Source, style: Style) -> Picture:

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+import math
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from textwrap import wrap
+from typing import TYPE_CHECKING, Any
 
 from ribbon_cli.export.words import standing
+from ribbon_cli.text import visible
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ribbon_cli.store import StateRecord
+    from ribbon_cli.store import Run, StateRecord
 
 FEWEST_DIGITS, MOST_DIGITS = 4, 12
 """Digits of half-widths: as few as tell them apart."""
@@ -18,6 +22,10 @@ LEGEND_LETTER = 0.56
 """Width of a letter, relative to its size, on the long side."""
 LEGEND_ROOM = 5.6
 """What an entry takes besides its letters, in their size: its line and the gaps."""
+LEGEND_LINE = 1.5
+"""Height of a legend's line, in the size of its letters."""
+LISTED = 8
+"""Most items that a title lists."""
 
 
 def width_texts(half_widths: Sequence[float]) -> list[str]:
@@ -29,38 +37,128 @@ def width_texts(half_widths: Sequence[float]) -> list[str]:
     return [texts[b] for b in half_widths]
 
 
-def curve_labels(records: Sequence[StateRecord]) -> list[str]:
-    """A name for each state: b, N or both, then what else is needed to tell them apart, then its standing."""
+def band_text(half_twists: int) -> str:
+    """A band by its twist, as the thesis calls it: a 3π band has three half-twists."""
+    if half_twists == 0:
+        return "untwisted"
+    sign, count = "−" if half_twists < 0 else "", abs(half_twists)
+    return f"{sign}{count if count > 1 else ''}π band"
+
+
+def run_texts(runs: Sequence[Run | None]) -> list[str]:
+    """Names of runs for a legend: as their configs have them, whole where that is another's too."""
+    paths = {run.path: run.short_name for run in runs if run}
+    count = Counter(paths.values())
+    names = [(run.short_name if count[run.short_name] == 1 else run.name) if run else "" for run in runs]
+    return [plain(name) for name in names]
+
+
+def plain(text: str) -> str:
+    """Text that others wrote: what a terminal would obey is escaped, and a dollar sign begins no formula."""
+    return visible(text).replace("$", r"\$")
+
+
+def listed(texts: Sequence[str]) -> str:
+    """The first few of some texts, and how many there are besides."""
+    more = f" and {len(texts) - LISTED} more" if len(texts) > LISTED else ""
+    return ", ".join(texts[:LISTED]) + more
+
+
+def curve_labels(records: Sequence[StateRecord], runs: Sequence[str] = ()) -> list[str]:
+    """What each state differs in, and its standing; `runs` name the states' runs where there are several."""
+    return [", ".join((*parts, *filter(None, [standing(record)]))) for parts, record in _told(records, runs)]
+
+
+def panel_titles(records: Sequence[StateRecord], runs: Sequence[str], letters: int) -> list[str]:
+    """Titles above shapes in a row, in lines of so many letters: what they differ in, and their standing.
+
+    A stage says by itself that its state is auxiliary.
+    """
+    titles = []
+    for parts, record in _told(records, runs):
+        known = record.kind == "auxiliary" and plain(record.stage) in parts
+        titles.append(_lines([*parts, "" if known else standing(record)], letters))
+    return titles
+
+
+def _told(records: Sequence[StateRecord], runs: Sequence[str]) -> list[tuple[list[str], StateRecord]]:
+    """What tells each state from the others, part by part: band or run, b, N, and more where they need it.
+
+    Of states alike in these, auxiliary ones are told by their stages.
+    """
+    count = len(records)
     widths = width_texts([record.half_width for record in records])
-    columns: list[list[str]] = [
+    bands = [band_text(record.half_twists) for record in records]
+    columns = [
+        bands if len(set(bands)) > 1 else list(runs),
         [f"$b$ = {text}" for text in widths],
         [f"$N$ = {record.segments}" for record in records],
     ]
-    names = _rows([c for c in columns if len(set(c)) > 1 or len(records) == 1], len(records))
-    more: tuple[Callable[[StateRecord], str], ...] = (
-        lambda record: record.discretisation,
-        lambda record: f"state {record.label}",
+    shown = [c for c in columns if len(set(c)) > 1 or (count == 1 and c is not columns[0])]
+    parts = [[text for column in shown if (text := column[k])] for k in range(count)]
+    more: tuple[Callable[[int], str], ...] = (
+        lambda k: runs[k] if runs else "",
+        lambda k: records[k].discretisation,
+        lambda k: plain(records[k].stage) if records[k].kind == "auxiliary" else records[k].kind,
+        lambda k: f"state {records[k].label}",
+        lambda k: f"no. {k + 1}",
     )
     for tell in more:
-        if len(set(names)) == len(names):
-            break
-        column = [tell(record) for record in records]
-        if len(set(column)) > 1:
-            names = _rows([names, column], len(records))
-    if len(set(names)) < len(names):  # states of several runs, alike in all of this
-        names = _rows([names, [f"no. {k}" for k in range(1, len(records) + 1)]], len(records))
-    return _rows([names, [standing(record) for record in records]], len(records))
+        _tell(parts, tell)
+    return list(zip(parts, records, strict=True))
 
 
-def _rows(columns: Sequence[Sequence[str]], count: int) -> list[str]:
-    """Row by row the texts of the columns, empty ones left out."""
-    return [", ".join(text for column in columns if (text := column[k])) for k in range(count)]
+def _tell(parts: Sequence[list[str]], tell: Callable[[int], str]) -> None:
+    """Add a part to those rows that are alike and that it tells apart."""
+    alike: dict[tuple[str, ...], list[int]] = {}
+    for k, row in enumerate(parts):
+        alike.setdefault(tuple(row), []).append(k)
+    for members in alike.values():
+        texts = [tell(k) for k in members]
+        if len(set(texts)) > 1:
+            for k, text in zip(members, texts, strict=True):
+                parts[k] += [text] if text else []
+
+
+def _lines(parts: Iterable[str], letters: int) -> str:
+    """Parts in lines of so many letters; one that is longer is broken by itself."""
+    lines: list[str] = []
+    for part in filter(None, parts):
+        if lines and _length(lines[-1]) + 2 + _length(part) <= letters:
+            lines[-1] += f", {part}"
+        elif _length(part) <= letters:
+            lines.append(part)
+        else:
+            lines += wrap(part, max(letters, 1))
+    return "\n".join(lines)
+
+
+def _length(text: str) -> int:
+    """Letters of a text without what marks its formulas."""
+    return len(text.replace("$", ""))
 
 
 def legend_columns(labels: Sequence[str], figure: Figure) -> int:
     """How many entries of a legend fit side by side above the panels of a figure."""
+    letters = max(_length(line) for label in labels for line in label.split("\n"))
+    entry = (LEGEND_LETTER * letters + LEGEND_ROOM) * _legend_size() / 72
+    return max(1, min(len(labels), int(figure.get_figwidth() / entry)))
+
+
+def legend_above(figure: Figure, handles: Sequence[Any], labels: Sequence[str], rows: int = 1) -> None:
+    """A legend above all panels; the figure grows by its lines beyond so many, which it has room for."""
+    size = _legend_size()
+    letters = int((figure.get_figwidth() * 72 / size - LEGEND_ROOM) / LEGEND_LETTER)
+    labels = [_lines(label.split(", "), letters) for label in labels]
+    columns = legend_columns(labels, figure)
+    figure.legend(handles, labels, loc="outside upper center", ncols=columns, handlelength=2.6)
+    high = [max(label.count("\n") + 1 for label in labels[k::columns]) for k in range(columns)]
+    lines = math.ceil(len(labels) / columns) * max(high) - rows
+    figure.set_figheight(figure.get_figheight() + max(0, lines) * LEGEND_LINE * size / 72)
+
+
+def _legend_size() -> float:
+    """Size of a legend's letters in points."""
     import matplotlib
 
-    letters = max(len(label.replace("$", "")) for label in labels)
-    entry = (LEGEND_LETTER * letters + LEGEND_ROOM) * float(matplotlib.rcParams["font.size"]) * 0.9 / 72
-    return max(1, min(len(labels), int(figure.get_figwidth() / entry)))
+    return 0.9 * float(matplotlib.rcParams["font.size"])

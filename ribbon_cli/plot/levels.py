@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ribbon_cli.errors import UsageError
-from ribbon_cli.plot.labels import curve_labels, legend_columns, width_texts
-from ribbon_cli.plot.style import GREY, LIGHT_GREY, MARKERS, PALETTE, Style, line_look
+from ribbon_cli.plot.labels import LEGEND_LINE, band_text, curve_labels, legend_above, width_texts
+from ribbon_cli.plot.panels import panels
+from ribbon_cli.plot.style import GREY, LIGHT_GREY, PALETTE, Style, line_look, marked_look
 from ribbon_cli.report.convergence import is_doubtful
 
 if TYPE_CHECKING:
@@ -23,6 +24,10 @@ if TYPE_CHECKING:
 NEGATIVE = "#B00020"
 FEW_MODES = 40
 """Most values that are marked one by one."""
+SPECTRUM = 18.0
+"""Least width of a spectrum's panel, in sizes of its letters."""
+BESIDE = 34.0
+"""Least width of a picture with its legend beside the panel, in sizes of its letters."""
 METRIC_TITLES = {"euclidean": "Euclidean metric", "physical": "metric $h\\,(|du|^2 + |dg|^2)$"}
 
 
@@ -32,13 +37,18 @@ def spectrum_of(record: StateRecord, metric: str) -> SpectrumRecord | None:
 
 
 def spectrum_figure(
-    groups: Sequence[Sequence[StateRecord]], style: Style, names: Sequence[str] = ()
+    groups: Sequence[Sequence[StateRecord]],
+    style: Style,
+    names: Sequence[str] = (),
+    runs: Sequence[str] = (),
 ) -> Figure:
     """Sorted eigenvalues of the projected Hessian in each metric, rotations left out, on a logarithmic scale.
 
-    Each group of states has a row, named after `names` if there are several, and rows share their scales.
-    Whole spectra are spread over [0, 1], as in Figure 3.14; where all that is stored are the lowest, they are
-    numbered. Raises UsageError where a group has no spectrum.
+    Each group of states has a row, named after `names` and what differs if there are several, and rows
+    share their scales; in a narrow picture the metrics stand below each other. Whole spectra are spread
+    over [0, 1], as in Figure 3.14; where all that is stored are the lowest, they are numbered. `runs` name
+    the runs of a single group's states where they are of several. Raises UsageError where a group has no
+    spectrum.
     """
     from matplotlib.figure import Figure
 
@@ -50,27 +60,51 @@ def spectrum_figure(
             )
     every = [record for records in groups for record in records]
     metrics = [m for m in METRIC_TITLES if any(spectrum_of(record, m) for record in every)]
-    rows = len(groups)
+    rows, columns = len(groups), style.fitting(len(metrics), SPECTRUM)
     # Rows share their scales, so that one way to place modes has to serve all of them.
     spread = all(_spreads(records, "euclidean") for records in groups)
-    figure = Figure(figsize=(style.width, (0.1 + 0.38 * rows) * style.width), layout="constrained")
-    panels = figure.subplots(rows, len(metrics), squeeze=False, sharex="col", sharey="col")
-    rows_named = [f"\n{name}, rule {_rule(g)}" for name, g in zip(names, groups, strict=False)]
-    for k, (row, records) in enumerate(zip(panels, groups, strict=True)):
-        for axes, metric in zip(row, metrics, strict=True):
-            draw_spectra(axes, records, metric, spread and metric == "euclidean")
-            axes.set_title(METRIC_TITLES[metric] + (rows_named[k] if rows > 1 else ""))
-            if axes is not panels[-1, list(row).index(axes)]:
+    heading = style.font / 72 * (2 if rows > 1 else 1)
+    height = 0.05 * style.width + rows * len(metrics) // columns * (style.row(0.36) + heading)
+    figure = Figure(figsize=(style.across(), height), layout="constrained")
+    titles = _row_titles(groups, names)
+    places: list[list[Axes]] = []
+    for k, records in enumerate(groups):
+        row: list[Axes] = []
+        for j, metric in enumerate(metrics):
+            # Side by side, or all rows of one metric before those of the next.
+            place = k * columns + j if columns == len(metrics) else j * rows + k
+            first = places[0][j] if places else None
+            axes = figure.add_subplot(
+                rows * len(metrics) // columns, columns, place + 1, sharex=first, sharey=first
+            )
+            draw_spectra(axes, records, metric, spread and metric == "euclidean", runs)
+            axes.set_title(METRIC_TITLES[metric] + titles[k])
+            if k < rows - 1:
                 axes.set_xlabel("")
-    entries = [_entries(row) for row in panels]
+                axes.tick_params(labelbottom=False)
+            row.append(axes)
+        places.append(row)
+    entries = [_entries(row) for row in places]
     if all(found.keys() == entries[0].keys() for found in entries):
-        columns = legend_columns(list(entries[0]), figure)
-        handles = entries[0].values()
-        figure.legend(handles, entries[0].keys(), loc="outside upper center", ncols=columns, handlelength=2.6)
+        legend_above(figure, list(entries[0].values()), list(entries[0]))
     else:  # one line may stand for different meshes in different rows
-        for row, found in zip(panels, entries, strict=True):
-            row[0].legend(found.values(), found.keys(), loc="upper left", handlelength=2.6)
+        for row, found in zip(places, entries, strict=True):
+            row[0].legend(found.values(), found.keys(), loc="best", handlelength=2.6)
     return figure
+
+
+def _row_titles(groups: Sequence[Sequence[StateRecord]], names: Sequence[str]) -> list[str]:
+    """Second lines of titles where there are several rows: the run; band, b and rule where rows differ."""
+    if len(groups) < 2:
+        return [""] * len(groups)
+    columns = [
+        list(names),
+        [band_text(records[0].half_twists) for records in groups],
+        [f"$b$ = {text}" for text in width_texts([records[0].half_width for records in groups])],
+        [f"rule {_rule(records)}" for records in groups],
+    ]
+    shown = [column for column in columns if column is columns[0] or len(set(column)) > 1]
+    return ["\n" + ", ".join(parts) for parts in zip(*shown, strict=True)]
 
 
 def _entries(row: Iterable[Axes]) -> dict[str, Any]:
@@ -96,22 +130,33 @@ def _spreads(records: Sequence[StateRecord], metric: str) -> bool:
     return metric == "euclidean" and all(spectrum.complete for spectrum in found)
 
 
-def draw_spectra(axes: Axes, records: Sequence[StateRecord], metric: str, spread: bool | None = None) -> None:
-    """Draw the eigenvalues of several states in one metric into `axes`, spread over [0, 1] or numbered."""
-    found = [(r, s) for r in records if (s := spectrum_of(r, metric)) is not None]
-    names = curve_labels([record for record, _ in found])
+def draw_spectra(
+    axes: Axes,
+    records: Sequence[StateRecord],
+    metric: str,
+    spread: bool | None = None,
+    runs: Sequence[str] = (),
+) -> None:
+    """Draw the eigenvalues of several states in one metric into `axes`, spread over [0, 1] or numbered.
+
+    Of negative values the moduli are drawn, with crosses on the curve that they belong to.
+    """
+    found = [(k, r, s) for k, r in enumerate(records) if (s := spectrum_of(r, metric)) is not None]
+    names = curve_labels([record for _, record, _ in found], [runs[k] for k, _, _ in found] if runs else ())
     spread = _spreads(records, metric) if spread is None else spread
-    few = not spread and all(spectrum.values.size <= FEW_MODES for _, spectrum in found)
-    for k, (_, spectrum) in enumerate(found):
+    few = not spread and all(spectrum.values.size <= FEW_MODES for _, _, spectrum in found)
+    crosses = "negative, modulus"
+    for k, (_, _, spectrum) in enumerate(found):
         values = np.array(
             [v for v, name in zip(spectrum.values, spectrum.labels, strict=True) if name != "rotation"]
         )
         places = np.linspace(0.0, 1.0, values.size) if spread else np.arange(1.0, values.size + 1)
-        look = line_look(k) | {"marker": MARKERS[k % len(MARKERS)] if few else ""}
-        axes.plot(places, np.where(values > 0, values, np.nan), label=names[k], **look)
+        look = marked_look(k) if few else line_look(k, values.size)
+        axes.plot(places, np.where(values == 0, np.nan, np.abs(values)), label=names[k], **look)
         negative = values < 0
         if negative.any():
-            axes.plot(places[negative], -values[negative], "x", color=NEGATIVE, label="negative, modulus")
+            axes.plot(places[negative], -values[negative], "x", color=NEGATIVE, label=crosses, zorder=3)
+            crosses = "_" + crosses
     axes.set_yscale("log")
     if spread:
         axes.set_xlabel("place in the sorted spectrum")
@@ -131,22 +176,22 @@ def convergence_figure(table: Table, style: Style) -> Figure:
     """
     from matplotlib.figure import Figure
 
-    groups: dict[float, list[Row]] = {}
-    for row in table.rows:
-        if row.delta is not None:
-            groups.setdefault(row.half_width, []).append(row)
+    groups = differences(table)
     if not groups:
         raise UsageError(
             "no half-width of this run has two levels of refinement: see `refinement` in the config, "
             "or `ribbon refine STATE --levels 2`"
         )
-    figure = Figure(figsize=(0.72 * style.width, 0.5 * style.width), layout="constrained")
+    width = style.across(0.72)
+    height = max(style.row(0.5), (len(groups) + 5) * LEGEND_LINE * 0.9 * style.font / 72)
+    beside = width * 72 >= BESIDE * style.font
+    figure = Figure(figsize=(width, height if beside else style.row(0.6)), layout="constrained")
     axes = figure.subplots()
     for k, (rows, text) in enumerate(zip(groups.values(), width_texts(list(groups)), strict=True)):
-        look = line_look(k) | {"marker": MARKERS[k % len(MARKERS)]}
         zeros = [str(row.segments) for row in rows if not row.delta]
         label = f"$b$ = {text}" + (f"\n0 at $N$ = {', '.join(zeros)}" if zeros else "")
-        axes.loglog([r.segments for r in rows], [r.delta or math.nan for r in rows], label=label, **look)
+        places = [row.segments for row in rows], [row.delta or math.nan for row in rows]
+        axes.loglog(*places, label=label, **marked_look(k))
     doubtful = [row for rows in groups.values() for row in rows if row.delta and is_doubtful(row)]
     if doubtful:
         places = [row.segments for row in doubtful], [row.delta or math.nan for row in doubtful]
@@ -157,13 +202,38 @@ def convergence_figure(table: Table, style: Style) -> Figure:
     if known:
         _slope(axes, every, min(known))
     _decades(axes)
-    axes.set_xticks(every, [str(n) for n in every])
+    shown = _apart(every, 0.6 * width * 72 / style.font)
+    axes.set_xticks(shown, [str(n) for n in shown])
     axes.minorticks_off()
     axes.set_xlabel("$N$")
     axes.set_ylabel(r"$\Delta_N = |E_N - E_{2N}|$")
     axes.grid(axis="y", color=LIGHT_GREY, linewidth=0.3)
-    axes.legend(loc="center left", bbox_to_anchor=(1.02, 0.5), handlelength=2.6)
+    handles, labels = axes.get_legend_handles_labels()
+    if beside:
+        axes.legend(handles, labels, loc="center left", bbox_to_anchor=(1.02, 0.5), handlelength=2.6)
+    else:
+        legend_above(figure, handles, labels, rows=0)
     return figure
+
+
+def differences(table: Table) -> dict[float, list[Row]]:
+    """The rows of a table that have a difference, by half-width."""
+    groups: dict[float, list[Row]] = {}
+    for row in table.rows:
+        if row.delta is not None:
+            groups.setdefault(row.half_width, []).append(row)
+    return groups
+
+
+def _apart(segments: Sequence[int], letters: float) -> list[int]:
+    """Those N, the first among them, whose numbers have room on a logarithmic axis so many letters long."""
+    whole = math.log(segments[-1] / segments[0]) or 1.0
+    shown = [segments[0]]
+    for n in segments[1:]:
+        room = letters * math.log(n / shown[-1]) / whole
+        if room >= 0.32 * (len(str(n)) + len(str(shown[-1]))) + 0.6:
+            shown.append(n)
+    return shown
 
 
 def _decades(axes: Axes) -> None:
@@ -206,10 +276,7 @@ def branch_figure(
     marks are certified minima, open ones are not; crosses have self-contact. A line is
     drawn at `contact`, the half-width at which that was found to begin.
     """
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(style.width, 0.4 * style.width), layout="constrained")
-    panels = figure.subplots(1, 3)
+    figure, places = panels(style, 3, 3, 0.4)
     b = np.array([state["half_width"] for state in states])
     length = states[0]["length"]
     ring = 2 * np.pi**2 * b / length
@@ -217,7 +284,7 @@ def branch_figure(
     clearance = np.array([state["clearance"] for state in states], dtype=float)
     eigenvalues = np.array([np.nan if v is None else v for v in lowest])
     titles = ("$E / E_{ring}$", "lowest eigenvalue but sliding", "clearance")
-    for axes, values, title in zip(panels, (energy / ring, eigenvalues, clearance), titles, strict=True):
+    for axes, values, title in zip(places, (energy / ring, eigenvalues, clearance), titles, strict=True):
         axes.plot(b, values, color=PALETTE[0], zorder=1)
         _mark(axes, states, b, values, style)
         if contact is not None:
@@ -229,12 +296,10 @@ def branch_figure(
         if np.isnan(values).all():
             axes.text(0.5, 0.5, "not stored", transform=axes.transAxes, ha="center", color=GREY)
             axes.set_yticks([])
-    for axes, values in zip(panels, (energy, eigenvalues, clearance), strict=True):
-        if np.nanmin(values, initial=np.inf) > 0 and axes is not panels[0]:
+    for axes, values in zip(places, (energy, eigenvalues, clearance), strict=True):
+        if np.nanmin(values, initial=np.inf) > 0 and axes is not places[0]:
             axes.set_ylim(bottom=0.0)
-    handles, labels = panels[0].get_legend_handles_labels()
-    columns = legend_columns(labels, figure)
-    figure.legend(handles, labels, loc="outside upper center", ncols=columns)
+    legend_above(figure, *places[0].get_legend_handles_labels())
     return figure
 
 

@@ -31,6 +31,8 @@ LARGEST = 0.045
 """Farthest that a point of the surface moves in a picture, as a part of the length."""
 PHASES = {"−1": -1.0, "−½": -0.5, "0": 0.0, "½": 0.5, "1": 1.0}
 """Frames of the strip: their titles, and how far each goes."""
+FRAME = 8.0
+"""Least width of a frame, in sizes of its title's letters."""
 STEPS = 24
 """Frames of one period of the animation; a multiple of 4, so that it goes to both ends and through 0."""
 MILLISECONDS = 70
@@ -89,17 +91,21 @@ def amplitude(record: StateRecord, move: Array) -> float:
 def mode_figure(
     record: StateRecord, mode: ModeShape, style: Style, angles: tuple[float, float] | None = None
 ) -> Figure:
-    """Five frames in a row from one end of the motion to the other, the shape at rest in the middle."""
+    """Five frames in a row, three where five would be narrow, from one end of the motion to the other.
+
+    The shape at rest is in the middle.
+    """
     from matplotlib.figure import Figure
 
     frames = _Frames(record, mode, angles)
-    count = len(PHASES)
-    width = style.width / count
+    phases = PHASES if style.fitting(5, FRAME) == 5 else {title: PHASES[title] for title in ("−1", "0", "1")}
+    count = len(phases)
+    width = style.across() / count
     titles = 2.6 * style.font / 72
     height = width * min(1.5, frames.aspect) + titles + 0.06 * style.width
-    figure = Figure(figsize=(style.width, height), layout="constrained")
+    figure = Figure(figsize=(style.across(), height), layout="constrained")
     rulings = max(24, round(1.5 * RULINGS / count))
-    for axes, (title, phase) in zip(figure.subplots(1, count), PHASES.items(), strict=True):
+    for axes, (title, phase) in zip(figure.subplots(1, count), phases.items(), strict=True):
         frames.draw(axes, phase, style, rulings)
         axes.set_title(title)
     return figure
@@ -111,6 +117,7 @@ def mode_animation(
     style: Style,
     caption: str | None,
     angles: tuple[float, float] | None = None,
+    title: str | None = None,
 ) -> bytes:
     """The motion as an animated GIF that repeats, one period in `STEPS` frames.
 
@@ -122,7 +129,7 @@ def mode_animation(
     # One way only is drawn: the other shows the same frames.
     quarter = STEPS // 4
     phases = np.sin(2 * np.pi * np.arange(-quarter, quarter + 1) / STEPS)
-    drawn = [_pixels(_frame(frames, float(phase), style, caption)) for phase in phases]
+    drawn = [_pixels(_frame(frames, float(phase), style, caption, title)) for phase in phases]
     # One palette for all, or colours would flicker: that of the ends and of the middle together.
     both = np.concatenate((drawn[0], drawn[quarter], drawn[-1]))
     palette = Image.fromarray(both).quantize(colors=255, method=Image.Quantize.MEDIANCUT)
@@ -188,19 +195,19 @@ class _Frames:
         axes.add_collection(lines)
 
 
-def _frame(frames: _Frames, phase: float, style: Style, caption: str | None) -> Figure:
-    """One frame of the animation with the caption below it."""
+def _frame(
+    frames: _Frames, phase: float, style: Style, caption: str | None, title: str | None = None
+) -> Figure:
+    """One frame of the animation with the caption below it and the title above."""
     from matplotlib.figure import Figure
 
-    from ribbon_cli.plot.figure import add_caption
+    from ribbon_cli.plot.figure import dressed
 
     width = 0.7 * style.width
     height = width * min(1.2, frames.aspect) + 0.04 * style.width
     figure = Figure(figsize=(width, height), dpi=ANIMATION_WIDTH / width, layout="constrained")
     frames.draw(figure.subplots(), phase, style, RULINGS)
-    if caption:
-        add_caption(figure, caption, style)
-    return figure
+    return dressed(figure, style, caption, title)
 
 
 def _pixels(figure: Figure) -> NDArray[np.uint8]:

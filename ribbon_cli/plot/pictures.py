@@ -36,9 +36,9 @@ def shape_figure(record: StateRecord, style: Style, angles: tuple[float, float] 
     corners = facet_corners(record)
     view = chosen_view(corners, angles)
     extent = np.ptp(view.project(corners)[..., :2], axis=(0, 1))
-    width = 0.7 * style.width
+    width = style.across(0.7)
     height = width * float(np.clip(extent[1] / extent[0], 0.3, 1.2))
-    figure = Figure(figsize=(width, height + 0.06 * style.width), layout="constrained")
+    figure = Figure(figsize=(width, height + 0.06 * width / 0.7), layout="constrained")
     axes = figure.subplots()
     draw_shape(axes, record, style, view)
     scale_bar(axes, style)
@@ -64,6 +64,10 @@ def scale_bar(axes: Axes, style: Style) -> None:
 
 PAD = 0.05
 """Room about a panel, in inches: matplotlib leaves 3 points and a little between panels."""
+SHAPE = 9.0
+"""Least width of a shape in a row, in sizes of its title's letters."""
+LETTER = 0.6
+"""Width of a letter of a title, relative to its size, on the long side."""
 
 
 @dataclass(frozen=True)
@@ -91,15 +95,17 @@ def family_figure(
 def shapes_figure(
     panels: Sequence[Panel], style: Style, *, aligned: bool, angles: tuple[float, float] | None = None
 ) -> Figure:
-    """Shapes in rows of up to five at one scale, `aligned` from one side, else each from its own best."""
+    """Shapes in rows of up to five, fewer where these would be narrow, at one scale; `aligned` from one side,
+    else each from its own best.
+    """
     from matplotlib.figure import Figure
 
     corners = [facet_corners(panel.record) for panel in panels]
     views = _common_views(corners, angles) if aligned else [chosen_view(item, angles) for item in corners]
     boxes = [np.ptp(view.project(c)[..., :2], axis=(0, 1)) for view, c in zip(views, corners, strict=True)]
-    columns = len(panels) if len(panels) <= 5 else math.ceil(len(panels) / math.ceil(len(panels) / 4))
+    columns = _columns(len(panels), style)
     rows = math.ceil(len(panels) / columns)
-    width = style.width if columns > 1 else 0.6 * style.width
+    width = style.across(1.0 if columns > 1 else 0.6)
     parts = [slice(k * columns, (k + 1) * columns) for k in range(rows)]
     titles = [max(_title_height(panel.title, style) for panel in panels[part]) for part in parts]
     high = [max(float(box[1]) for box in boxes[part]) for part in parts]
@@ -120,6 +126,20 @@ def shapes_figure(
         axes.set_title(panel.title)
         axes.set_anchor("S")  # what equal scales leave over belongs to the titles
     return figure
+
+
+def _columns(count: int, style: Style) -> int:
+    """How many of some shapes stand side by side."""
+    most = style.fitting(5, SHAPE)
+    if count <= most:
+        return count
+    return math.ceil(count / math.ceil(count / min(most, 4)))
+
+
+def letters_across(count: int, style: Style) -> int:
+    """How many letters a line of a title has room for above one of some shapes."""
+    room = style.width / _columns(count, style) - 2 * PAD
+    return int(room * 72 / (LETTER * style.font))
 
 
 def _title_height(title: str, style: Style) -> float:

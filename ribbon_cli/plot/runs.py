@@ -1,0 +1,98 @@
+"""Runs beside each other: energies over the half-width in one panel."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ribbon_cli.plot.branches import draw_course, mark_points, meanings
+from ribbon_cli.plot.labels import legend_above
+from ribbon_cli.plot.style import BRANCH_MARKERS, INK, Style, branch_look, spread
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Course = Sequence[Mapping[str, Any]]
+
+MOST_RUNS = len(BRANCH_MARKERS)
+"""Most runs that are told apart: fill says whether a state is certified, dashes how stable it is."""
+FEW_STATES = 24
+"""Most states of a run that are marked one by one."""
+OPEN = "no certificate"
+CONTACT = "self-contact"
+
+
+def runs_figure(
+    names: Sequence[str], bands: Sequence[str], runs: Sequence[Sequence[Course]], style: Style
+) -> Figure:
+    """Energy over the half-width, each run in a colour and with marks of its own.
+
+    `runs` has for each run summaries of states along its branches, `bands` what each is of. Marks are
+    states, open ones without certificate, crosses those with self-contact; dashes tell how many directions
+    lead down.
+    """
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+
+    figure = Figure(figsize=(style.across(0.72), style.row(0.5)), layout="constrained")
+    axes = figure.subplots()
+    used: set[int | None] = set()
+    for k, courses in enumerate(runs):
+        for points in courses:
+            used |= _draw(axes, points, k, style)
+    axes.set_xlabel("$b$")
+    axes.set_ylabel("$E$")
+    axes.margins(0.06)
+    every = [point for courses in runs for points in courses for point in points]
+    handles = [
+        Line2D([], [], label=label, **branch_look(k)) for k, label in enumerate(_labels(names, bands, runs))
+    ]
+    handles += meanings(used if used - {0} else set(), every)
+    grey: dict[str, Any] = {"color": INK, "linestyle": ""}
+    if any(not _certified(point) for point in every):
+        handles.append(Line2D([], [], marker="o", markerfacecolor="white", label=OPEN, **grey))
+    if any(_touches(point) for point in every):
+        handles.append(Line2D([], [], marker="x", label=CONTACT, **grey))
+    legend_above(figure, handles, [str(handle.get_label()) for handle in handles], rows=0)
+    return figure
+
+
+def _draw(axes: Axes, points: Course, k: int, style: Style) -> set[int | None]:
+    """One branch of the run with this index; the indices that it has."""
+    b = np.array([point["half_width"] for point in points])
+    energy = np.array([point["energy"] for point in points], dtype=float)
+    look = branch_look(k)
+    used = draw_course(axes, points, b, energy, look["color"], style)
+    first, step = spread(k, len(points)) if len(points) > FEW_STATES else (0, 1)
+    chosen = np.zeros(len(points), dtype=bool)
+    chosen[first::step] = True
+    certified = np.array([_certified(point) for point in points])
+    for mask, fill in ((chosen & certified, look["color"]), (chosen & ~certified, "white")):
+        axes.plot(b[mask], energy[mask], linestyle="", zorder=3, **(look | {"markerfacecolor": fill}))
+    touching = np.array([_touches(point) for point in points])
+    axes.plot(
+        b[touching], energy[touching], "x", color=look["color"], markersize=2.2 * style.marker, zorder=4
+    )
+    mark_points(axes, points, b, energy, look["color"], style)
+    return used
+
+
+def _certified(point: Mapping[str, Any]) -> bool:
+    """Whether a state is certified; a point of a branch is told by its dashes."""
+    return bool(point["certified"]) or bool(point.get("branch"))
+
+
+def _touches(point: Mapping[str, Any]) -> bool:
+    """Whether a state touches itself; where a branch begins to has a mark of its own."""
+    return bool(point["self_contact"]) and not point.get("branch")
+
+
+def _labels(names: Sequence[str], bands: Sequence[str], runs: Sequence[Sequence[Course]]) -> list[str]:
+    """Runs by name, and by band and N where they differ in these."""
+    meshes = [sorted({point["segments"] for points in courses for point in points}) for courses in runs]
+    numbers = [f"$N$ = {found[0]}" if len(found) == 1 else "several $N$" for found in meshes]
+    shown = [list(names), *(column for column in (bands, numbers) if len(set(column)) > 1)]
+    return [", ".join(parts) for parts in zip(*shown, strict=True)]
