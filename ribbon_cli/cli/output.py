@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import click
@@ -65,6 +67,11 @@ def say(settings: Settings, text: str) -> None:
     """Write a message to standard error unless the user wants quiet."""
     if not settings.quiet:
         complain(text)
+
+
+def teller(settings: Settings) -> Callable[[str], None]:
+    """What hands messages to `say`, for whoever finds out something on the way."""
+    return partial(say, settings)
 
 
 def complain(text: str) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ribbon_cli.cli.completion import complete_any, complete_file, complete_words
-from ribbon_cli.cli.output import check_target, emit, emit_json, say
+from ribbon_cli.cli.output import check_target, emit, emit_json, say, teller
 from ribbon_cli.cli.settings import Settings, common_options, pass_settings
 from ribbon_cli.errors import UsageError
 
@@ -245,7 +245,7 @@ def open_run_or_state(settings: Settings, ref: str) -> tuple[Run | None, tuple[S
 
     if not names_state(ref):
         return find_run(settings.root, ref), ()
-    run, record, _ = open_state(ref, settings.runs)
+    run, record, _ = open_state(ref, settings.runs, teller(settings))
     return run, (record,)
 
 

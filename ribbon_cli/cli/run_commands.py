@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from ribbon_cli.cli.completion import complete_any, complete_file, complete_folder, complete_run
-from ribbon_cli.cli.output import check_target, complain, emit, emit_json, emit_path, say
+from ribbon_cli.cli.output import check_target, complain, emit, emit_json, emit_path, say, teller
 from ribbon_cli.cli.settings import Settings, common_options, pass_settings
 from ribbon_cli.errors import TargetError, UsageError
 
@@ -129,7 +129,10 @@ def path(settings: Settings, ref: str) -> None:
     """Print where a RUN or a STATE is."""
     from ribbon_cli.store import find_run, names_state, resolve_state
 
-    found = resolve_state(settings.root, ref)[2] if names_state(ref) else find_run(settings.root, ref).path
+    if names_state(ref):
+        found = resolve_state(settings.root, ref, teller(settings))[2]
+    else:
+        found = find_run(settings.root, ref).path
     absolute = os.path.abspath(found)
     emit_json({"path": absolute}) if settings.json else emit_path(absolute)
 

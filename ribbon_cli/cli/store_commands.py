@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ribbon_cli.cli.completion import complete_any, complete_kind, complete_run, complete_status
-from ribbon_cli.cli.output import complain, emit, emit_json, say
+from ribbon_cli.cli.output import complain, emit, emit_json, say, teller
 from ribbon_cli.cli.settings import Settings, common_options, pass_settings
 from ribbon_cli.errors import StoreError, UsageError
 
@@ -145,7 +145,7 @@ def _show_state(settings: Settings, ref: str) -> dict[str, Any]:
     from ribbon_cli.api import open_state
     from ribbon_cli.store import summary
 
-    run, record, path = open_state(ref, settings.runs)
+    run, record, path = open_state(ref, settings.runs, teller(settings))
     return {
         **summary(record, run.name if run else None),
         "path": str(path),
