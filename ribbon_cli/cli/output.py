@@ -74,6 +74,12 @@ def teller(settings: Settings) -> Callable[[str], None]:
     return partial(say, settings)
 
 
+def warn(settings: Settings, text: str) -> None:
+    """Write a warning to standard error unless there is nothing to warn of, or the user wants quiet."""
+    if text:
+        say(settings, f"warning: {text}")
+
+
 def complain(text: str) -> None:
     """Write to standard error, quiet or not; where nobody can read it, nothing happens."""
     try:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ribbon_cli.cli.completion import complete_any, complete_file, complete_words
-from ribbon_cli.cli.output import check_target, emit, emit_json, say, teller
+from ribbon_cli.cli.output import check_target, emit, emit_json, say, teller, warn
 from ribbon_cli.cli.settings import Settings, common_options, pass_settings
 from ribbon_cli.errors import UsageError
 
@@ -96,6 +96,7 @@ def plot(
     KIND of states or a run:   geometry, multipliers, spectrum
     KIND of a run:             convergence, branch, family
     """
+    from ribbon_cli.export.words import contact_warning
     from ribbon_cli.plot.figure import ANIMATED, add_caption, figure_format, find_style, image, state_caption
     from ribbon_cli.plot.kinds import KINDS, animate, draw
     from ribbon_cli.plot.style import styled
@@ -124,6 +125,7 @@ def plot(
                 add_caption(picture.figure, shown, style)
         data = image(picture.figure, form, style, picture.title, caption)
     write_atomic(path, data, overwrite=overwrite)
+    warn(settings, contact_warning(picture.states))
     if settings.json:
         labels = [record.label for record in picture.states]
         document = {"path": path, "kind": kind, "run": run, "labels": labels, "caption": caption}

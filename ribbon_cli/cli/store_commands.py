@@ -122,14 +122,24 @@ def show(settings: Settings, ref: str) -> None:
 
     Of a state all but its arrays, provenance included; of a run its config, history and branches.
     """
-    from ribbon_cli.cli.render import branch_text, history_lines, listing, status_in_words
+    from ribbon_cli.cli.render import (
+        branch_text,
+        certificate_in_words,
+        history_lines,
+        listing,
+        status_in_words,
+    )
     from ribbon_cli.store import names_state
 
     words: dict[str, Any]
     if names_state(ref):
         document = _show_state(settings, ref)
         facts = {key: value for key, value in document["provenance"].items() if key not in _WHOLE_CONFIGS}
-        words = {"status": status_in_words(document), "provenance": facts}
+        words = {
+            "status": status_in_words(document),
+            "certified": certificate_in_words(document),
+            "provenance": facts,
+        }
         emit_json(document) if settings.json else emit(listing({**document, **words}))
         return
     document, branches = _show_run(settings, ref)
