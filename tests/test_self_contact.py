@@ -98,7 +98,7 @@ def test_captions_say_so_and_plot_warns_once(folder, kind):
 
 def test_of_several_states_it_is_said_which(folder, made):
     result = ribbon("plot", "ring:5", "shape", "--with", "ring:4", "-o", "x.svg", "--overwrite")
-    assert "(2 of 2 certified, 1 in self-contact (no contact forces))" in result.stderr
+    assert "(2 of 2 certified, 1 in self-contact without forces)" in result.stderr
     said = "of 2 states 1 touch or pass through themselves (no contact forces): 5"
     assert result.stderr.count(f"warning: {said}\n") == 1
     one, five = made.load(4), made.load(5)

@@ -69,7 +69,7 @@ def state_caption(records: Sequence[StateRecord], run: str | None, names: Sequen
         certified = sum(record.certified and record.kind != "auxiliary" for record in records)
         meeting = sum(record.self_contact for record in records)
         beside = f", {auxiliary} auxiliary" if auxiliary else ""
-        beside += f", {meeting} in self-contact (no contact forces)" if meeting else ""
+        beside += f", {meeting} in self-contact without forces" if meeting else ""
         where = "" if names else f"{run}:" if run else "states "
         return f"{where}{labels} ({certified} of {len(records)} certified{beside})"
     (record,) = records
