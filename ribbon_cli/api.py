@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from ribbon_cli.errors import UsageError
@@ -78,19 +78,25 @@ def _plain(value: Any) -> Any:
 def load_state(ref: str | os.PathLike[str], runs: str | os.PathLike[str] | None = None) -> StateRecord:
     """Read the state that `ref` names: RUN:LABEL, RUN@b=0.5,N=400, or the path of its HDF5 file.
 
-    Raises UsageError when it names none, StoreError when the file is damaged, TypeError where `ref` or `runs`
-    is neither text nor a path.
+    Where N is left out the finest certified state is meant, and of several with one N the latest. Raises
+    UsageError when it names none, StoreError when the file is damaged, TypeError where `ref` or `runs` is
+    neither text nor a path.
     """
     return open_state(ref, runs)[1]
 
 
 def open_state(
-    ref: str | os.PathLike[str], runs: str | os.PathLike[str] | None = None
+    ref: str | os.PathLike[str],
+    runs: str | os.PathLike[str] | None = None,
+    tell: Callable[[str], object] | None = None,
 ) -> tuple[Run | None, StateRecord, Path]:
-    """Read a state as `load_state` does; return its run (None outside of one) and its file as well."""
+    """Read a state as `load_state` does; return its run (None outside of one) and its file as well.
+
+    `tell` is called with a sentence on which state was taken, where the reference leaves a choice.
+    """
     from ribbon_cli.store import decode, resolve_state, runs_root
 
-    run, label, path = resolve_state(runs_root(_runs(runs)), _path("ref", ref))
+    run, label, path = resolve_state(runs_root(_runs(runs)), _path("ref", ref), tell)
     if path.suffix == ".npz":
         raise UsageError(f"{path}: an npz file holds no certificate or provenance: name the state it is from")
     if run is None or label is None:

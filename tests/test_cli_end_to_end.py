@@ -6,6 +6,7 @@ import math
 import os
 import pty
 import select
+import shutil
 import subprocess
 
 import numpy as np
@@ -179,6 +180,60 @@ def test_refinement_joins_the_run(mobius, monkeypatch, options, segments):
     after = ribbon_json("ls", "mobius", "--all")
     assert len(after) == before + document["new_states"]
     assert after[-1]["segments"] == segments[-1]
+
+
+AGAIN = """\
+name: again
+topology: {half_twists: 0}
+initial_guess: {state: ring@b=0.1}
+"""
+
+
+@pytest.fixture(scope="module")
+def refined(ring, tmp_path_factory):
+    """A solved ring, N = 12 and 24, to which N = 16 was added last at b = 0.1."""
+    folder = tmp_path_factory.mktemp("refined")
+    shutil.copytree(ring[0], folder, dirs_exist_ok=True)
+    (folder / "again.yaml").write_text(AGAIN)
+    done = run("refine", "ring@b=0.1,N=12", "--to", "16", "-q", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["show", "ring@b=0.1"],
+        ["path", "ring@b=0.1"],
+        ["verify", "ring@b=0.1"],
+        ["verify", "ring@b=0.1", "--continuum"],
+        ["spectrum", "ring@b=0.1"],
+        ["compare", "ring@b=0.1", "ring:1"],
+        ["export", "ring@b=0.1", "--to", "npz", "-o", "x.npz", "--overwrite"],
+        ["plot", "ring@b=0.1", "spectrum", "-o", "x.svg", "--overwrite"],
+        ["plot", "ring:1", "spectrum", "--with", "ring@b=0.1", "-o", "x.svg", "--overwrite"],
+        ["refine", "ring@b=0.1", "--to", "24"],
+        ["continue", "ring@b=0.1", "--to", "0.11"],
+        ["check", "again.yaml"],
+        ["solve", "again.yaml"],
+    ],
+    ids=" ".join,
+)
+def test_every_command_takes_the_finest_state_and_says_so(refined, monkeypatch, words):
+    monkeypatch.chdir(refined)
+    monkeypatch.delenv("RIBBON_RUNS", raising=False)
+    label = ribbon_json("show", "ring@b=0.1,N=24")["label"]
+    said = f"ring@b=0.1: state {label} is taken (b = 0.1, N = 24), the finest certified one of 3 that fit\n"
+    for quiet in ([], ["-q"]):
+        result = ribbon(*words, *quiet)
+        assert result.exit_code == 0, result.output
+        assert result.stderr.count(said) == (not quiet)
+        assert "is taken" not in result.stdout
+    again = ribbon_json(*words)
+    if words[0] == "refine":
+        assert (again["new_states"], [target["label"] for target in again["targets"]]) == (0, [label])
+    if words[0] in ("refine", "continue", "solve"):
+        assert said.strip() in again["notes"]
 
 
 def test_the_python_interface(tmp_path, monkeypatch):

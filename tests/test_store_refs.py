@@ -140,6 +140,45 @@ def test_states_are_found(root, ref, label):
     assert decode(path).label == label
 
 
+@pytest.fixture(scope="module")
+def refined(tmp_path_factory):
+    """A run whose finer states are not its latest; places with two states, and without a certificate."""
+    root = tmp_path_factory.mktemp("refined")
+    places = [(0.5, 160, 1), (0.5, 80, 1), (0.5, 320, 0), (0.5, 80, 1), (0.8, 40, 0), (0.8, 80, 0)]
+    places += [(0.8, 80, 0), (0.9, 40, 1), (0.2, 40, 0)]
+    run = make_run(root, 0, "band")
+    with run.writing():
+        for label, (b, n, certified) in enumerate(places, start=1):
+            changes = {"half_width": b, "certified": bool(certified), "spectra": ()}
+            run.commit(make_record(label, n, **changes))
+    return root
+
+
+@pytest.mark.parametrize(
+    ("ref", "label", "said"),
+    [
+        ("@b=0.5", 1, "state 1 is taken (b = 0.5, N = 160), the finest certified one of 4 that fit"),
+        ("@b=0.5,N=80", 4, "state 4 is taken (b = 0.5, N = 80), the latest certified one of 2 that fit"),
+        ("@b=0.5,N=160", 1, None),
+        (
+            "@b=0.8",
+            7,
+            "state 7 is taken (b = 0.8, N = 80), the finest and latest one of 3 that fit, without "
+            "certificate like the others",
+        ),
+        ("@b=0.9", 8, "state 8 is taken (b = 0.9, N = 40), the only one that fits"),
+        ("@b=0.2,N=40", 9, "state 9 is taken (b = 0.2, N = 40), the only one that fits, without certificate"),
+        ("@N=40", 8, "state 8 is taken (b = 0.9, N = 40), the only certified one of 3 that fit"),
+        (":2", 2, None),
+    ],
+)
+def test_the_finest_certified_state_is_meant_and_said(refined, ref, label, said):
+    told = []
+    assert resolve_state(refined, f"band{ref}", told.append)[1] == label
+    assert told == ([] if said is None else [f"band{ref}: {said}"])
+    assert resolve_state(refined, f"band{ref}")[1] == label
+
+
 @pytest.mark.parametrize(
     ("ref", "message"),
     [

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ribbon_cli.cli.completion import complete_any
-from ribbon_cli.cli.output import emit, emit_json, say
+from ribbon_cli.cli.output import emit, emit_json, say, teller
 from ribbon_cli.cli.settings import Settings, common_options, pass_settings
 from ribbon_cli.errors import UsageError
 
@@ -45,7 +45,8 @@ def _states(settings: Settings, first: str, second: str) -> None:
     from ribbon_cli.api import open_state
     from ribbon_cli.report.comparison import compare_states, same_science
 
-    pairs = compare_states(open_state(first, settings.runs)[1], open_state(second, settings.runs)[1])
+    one, two = (open_state(ref, settings.runs, teller(settings))[1] for ref in (first, second))
+    pairs = compare_states(one, two)
     differing = [pair for pair in pairs if not pair.equal]
     if settings.json:
         document = {"first": first, "second": second, "equal": same_science(pairs)}

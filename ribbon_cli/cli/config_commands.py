@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ribbon_cli.cli.completion import complete_file, complete_template
-from ribbon_cli.cli.output import check_target, emit, emit_json, say
+from ribbon_cli.cli.output import check_target, emit, emit_json, say, teller
 from ribbon_cli.cli.settings import Settings, common_options, pass_settings
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ def _show_plan(settings: Settings, config: Config) -> None:
     from ribbon_cli.cli.render import duration, plan_table
     from ribbon_cli.study import given_band, plan_of
 
-    band = given_band(config, settings.root) if config.guess.recipe == "state" else None
+    band = given_band(config, settings.root, teller(settings)) if config.guess.recipe == "state" else None
     plan = plan_of(config, None if band is None else (band.half_width, band.segments))
     run = f"{config.name}-{config.hash8()}"
     if settings.json:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ribbon_cli.cli.output import complain, emit, emit_json
+from ribbon_cli.cli.output import complain, emit, emit_json, teller
 from ribbon_cli.cli.settings import Settings
 from ribbon_cli.errors import TargetError, UsageError
 from ribbon_cli.store.refs import names_state, no_equilibria
@@ -33,7 +33,7 @@ def _show_state(settings: Settings, ref: str) -> tuple[dict[str, Any], str, list
     from ribbon_cli.report.continuum import state_document, state_text
     from ribbon_cli.study import continuum_of
 
-    run, record, path = open_state(ref, settings.runs)
+    run, record, path = open_state(ref, settings.runs, teller(settings))
     name = f"{run.short_name}:{record.label}" if run else str(path)
     found = continuum_of(record, name)
     failed = record.kind == "equilibrium" and not record.certified and record.branch is None

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from ribbon_cli.cli.completion import complete_file, complete_state, complete_words
-from ribbon_cli.cli.output import check_target, emit, emit_json, say
+from ribbon_cli.cli.output import check_target, emit, emit_json, say, warn
 from ribbon_cli.cli.plot_command import file_stem, open_run_or_state
 from ribbon_cli.cli.settings import Settings, common_options, pass_settings
 from ribbon_cli.errors import UsageError
@@ -61,6 +61,7 @@ def export(
     width.
     """
     from ribbon_cli.export.formats import FORMATS, Options, check_options, states_of_run
+    from ribbon_cli.export.words import contact_warning
     from ribbon_cli.store import content_sha256, suggest, typed
 
     if form not in EXPORT_FORMATS:
@@ -99,6 +100,7 @@ def export(
             facts, words = remarks(states[0], options)
             for line in words:
                 say(settings, line)
+    warn(settings, contact_warning(states))
     if settings.json:
         hashes = [content_sha256(record) for record in states]
         document = {"path": paths[0], "format": form, "content_sha256": hashes[0]}

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import click
@@ -65,6 +67,17 @@ def say(settings: Settings, text: str) -> None:
     """Write a message to standard error unless the user wants quiet."""
     if not settings.quiet:
         complain(text)
+
+
+def teller(settings: Settings) -> Callable[[str], None]:
+    """What hands messages to `say`, for whoever finds out something on the way."""
+    return partial(say, settings)
+
+
+def warn(settings: Settings, text: str) -> None:
+    """Write a warning to standard error unless there is nothing to warn of, or the user wants quiet."""
+    if text:
+        say(settings, f"warning: {text}")
 
 
 def complain(text: str) -> None:

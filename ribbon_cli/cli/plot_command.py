@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ribbon_cli.cli.completion import complete_any, complete_file, complete_words
-from ribbon_cli.cli.output import check_target, emit, emit_json, say
+from ribbon_cli.cli.output import check_target, emit, emit_json, say, teller, warn
 from ribbon_cli.cli.settings import Settings, common_options, pass_settings
 from ribbon_cli.errors import UsageError
 
@@ -105,6 +105,7 @@ def plot(
     KIND of a run:             convergence, family
     KIND of a run or runs:     branch
     """
+    from ribbon_cli.export.words import contact_warning
     from ribbon_cli.plot.figure import ANIMATED, dressed, figure_format, find_style, image, state_caption
     from ribbon_cli.plot.kinds import KINDS, animate, draw
     from ribbon_cli.plot.style import of_width
@@ -139,6 +140,7 @@ def plot(
         figure = dressed(picture.figure, style, shown, title)
         data = image(figure, form, style, title or picture.title, caption)
     write_atomic(path, data, overwrite=overwrite)
+    warn(settings, contact_warning(picture.states))
     if settings.json:
         labels = [record.label for record in picture.states]
         document = {"path": path, "kind": kind, "run": run, "labels": labels, "caption": caption}
@@ -269,7 +271,7 @@ def open_run_or_state(settings: Settings, ref: str) -> tuple[Run | None, tuple[S
 
     if not names_state(ref):
         return find_run(settings.root, ref), ()
-    run, record, _ = open_state(ref, settings.runs)
+    run, record, _ = open_state(ref, settings.runs, teller(settings))
     return run, (record,)
 
 

@@ -9,7 +9,8 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from ribbon_cli.text import visible
+from ribbon_cli.export.words import MEETS_ITSELF
+from ribbon_cli.text import ranges, visible
 
 if TYPE_CHECKING:
     from ribbon_cli.study import Course, PlannedStage, Target
@@ -59,11 +60,12 @@ def duration(seconds: float) -> str:
 
 
 def _figures(state: State) -> list[str]:
-    """Energy, status, linking number, residuals and certificate of a state."""
+    """Energy, status, linking number, contact, residuals and certificate of a state."""
     return [
         number(state["energy"], ".9f"),
         status_in_words(state),
         _linking_number(state["linking_number"]),
+        "yes" if state["self_contact"] else "no",
         number(state["kkt_residual"], ".1e"),
         number(state["constraint_residual"], ".1e"),
         "yes" if state["certified"] else "no",
@@ -77,12 +79,18 @@ def status_in_words(state: State) -> str:
     return str(state["status"])
 
 
+def certificate_in_words(state: State) -> str:
+    """Whether a state is certified, and if so whether its band meets itself, which a certificate allows."""
+    word = _plain(state["certified"])
+    return f"{word}, {MEETS_ITSELF}" if state["self_contact"] else word
+
+
 def _linking_number(value: float | None) -> str:
     """Lk or, of open seams, Tw + Wr to four decimals; rounding errors of zero are zero."""
     return MISSING if value is None else f"{round(value, 4) + 0.0:g}"
 
 
-_FIGURES = ("E", "status", "Lk", "gradient", "constraint", "certificate")
+_FIGURES = ("E", "status", "Lk", "contact", "gradient", "constraint", "certificate")
 
 
 def states_table(states: Sequence[State], kinds: bool) -> str:
@@ -107,7 +115,8 @@ def targets_table(targets: Iterable[Target], states: Mapping[int, State]) -> str
     for target in targets:
         state = None if target.label is None else states.get(target.label)
         word = "beyond contact" if target.beyond else "not reached"
-        figures = [MISSING, word, *[MISSING] * 4] if state is None else _figures(state)
+        empty = [MISSING, word, *[MISSING] * (len(_FIGURES) - 2)]
+        figures = empty if state is None else _figures(state)
         label = MISSING if target.label is None else str(target.label)
         rows.append([number(target.half_width, ".10g"), str(target.segments), label, *figures])
     return columns(["b", "N", "label", *_FIGURES], rows)
@@ -196,6 +205,7 @@ def history_lines(events: Iterable[Mapping[str, Any]]) -> dict[str, str]:
         notes = event.get("notes")
         more = ": " + "; ".join(map(str, notes)) if isinstance(notes, list) and notes else ""
         label = f" {event['label']}" if "label" in event else ""
+        label += f" {ranges(event['labels'])}" if event["event"] == "states-removed" else ""
         lines[str(event["time"])] = "; ".join(
             filter(None, [lines.get(str(event["time"])), f"{event['event']}{label}{more}"])
         )

@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from ribbon_cli.cli.completion import complete_any, complete_file
-from ribbon_cli.cli.output import check_target, complain, deliver, emit_json, say, text_format
+from ribbon_cli.cli.output import check_target, complain, deliver, emit_json, say, teller, text_format
 from ribbon_cli.cli.settings import Settings, common_options, pass_settings
 from ribbon_cli.errors import TargetError, UsageError
 
@@ -81,7 +81,7 @@ def _analyse(
     from ribbon_cli.store import write_arrays
     from ribbon_cli.study import arrays_of, document_of, stability_of
 
-    run, record, _ = open_state(ref, settings.runs)
+    run, record, _ = open_state(ref, settings.runs, teller(settings))
     found = stability_of(record, metric, modes or 12, full)
     document = document_of(record, found, run.name if run else None)
     if archive is not None:

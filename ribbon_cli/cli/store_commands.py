@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ribbon_cli.cli.completion import complete_any, complete_kind, complete_run, complete_status
-from ribbon_cli.cli.output import complain, emit, emit_json, say
+from ribbon_cli.cli.output import complain, emit, emit_json, say, teller
 from ribbon_cli.cli.settings import Settings, common_options, pass_settings
 from ribbon_cli.errors import StoreError, UsageError
 
@@ -122,14 +122,24 @@ def show(settings: Settings, ref: str) -> None:
 
     Of a state all but its arrays, provenance included; of a run its config, history and branches.
     """
-    from ribbon_cli.cli.render import branch_text, history_lines, listing, status_in_words
+    from ribbon_cli.cli.render import (
+        branch_text,
+        certificate_in_words,
+        history_lines,
+        listing,
+        status_in_words,
+    )
     from ribbon_cli.store import names_state
 
     words: dict[str, Any]
     if names_state(ref):
         document = _show_state(settings, ref)
         facts = {key: value for key, value in document["provenance"].items() if key not in _WHOLE_CONFIGS}
-        words = {"status": status_in_words(document), "provenance": facts}
+        words = {
+            "status": status_in_words(document),
+            "certified": certificate_in_words(document),
+            "provenance": facts,
+        }
         emit_json(document) if settings.json else emit(listing({**document, **words}))
         return
     document, branches = _show_run(settings, ref)
@@ -137,7 +147,8 @@ def show(settings: Settings, ref: str) -> None:
         emit_json(document | {"branches": [asdict(course) for course in branches]})
     else:
         words = {"history": history_lines(document["history"])}
-        emit("\n\n".join([listing({**document, **words}), *map(branch_text, branches)]))
+        numbered = (f"{k}. {branch_text(course)}" for k, course in enumerate(branches, start=1))
+        emit("\n\n".join([listing({**document, **words}), *numbered]))
 
 
 def _show_state(settings: Settings, ref: str) -> dict[str, Any]:
@@ -145,7 +156,7 @@ def _show_state(settings: Settings, ref: str) -> dict[str, Any]:
     from ribbon_cli.api import open_state
     from ribbon_cli.store import summary
 
-    run, record, path = open_state(ref, settings.runs)
+    run, record, path = open_state(ref, settings.runs, teller(settings))
     return {
         **summary(record, run.name if run else None),
         "path": str(path),

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from ribbon_cli.cli.completion import complete_file, complete_source, complete_state
-from ribbon_cli.cli.output import check_target, complain, deliver, say, text_format
+from ribbon_cli.cli.output import check_target, complain, deliver, say, teller, text_format
 from ribbon_cli.cli.settings import Settings, common_options, pass_settings
 from ribbon_cli.cli.solve_commands import run_stages
 from ribbon_cli.errors import StoreError, TargetError, UsageError
@@ -137,10 +137,10 @@ def _uncertified(run: Run, table: Table, outcome: Outcome | None) -> list[str]:
 
 def _entry_of(settings: Settings, ref: str) -> Entry:
     """A state of another minimum, as an entry for the comparison."""
-    from ribbon_cli import load_state
+    from ribbon_cli.api import open_state
     from ribbon_cli.report.convergence import Entry
 
-    record = load_state(ref, settings.runs)
+    record = open_state(ref, settings.runs, teller(settings))[1]
     return Entry(record.half_width, record.segments, record.energy, record.certified, record.label)
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from ribbon_cli.cli.completion import complete_checkable
-from ribbon_cli.cli.output import complain, emit, emit_json, say
+from ribbon_cli.cli.output import complain, emit, emit_json, say, teller
 from ribbon_cli.cli.settings import Settings, common_options, pass_settings
 from ribbon_cli.errors import StoreError
 
@@ -33,7 +33,7 @@ def verify(settings: Settings, ref: str, continuum: bool) -> int:
         return show_continuum(settings, ref)
     from ribbon_cli.study import verify as check
 
-    found = check(settings.root, ref)
+    found = check(settings.root, ref, teller(settings))
     if settings.json:
         emit_json(document(found))
     else:

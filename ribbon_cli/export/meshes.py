@@ -60,8 +60,9 @@ def stl_bytes(record: StateRecord, title: str, body: Solid) -> bytes:
     normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
     rows = np.zeros(len(corners), dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("spare", "<u2")])
     rows["normal"], rows["corners"] = normal, corners
-    # Readers take a file that begins with "solid", as a run's name may, for one in text. The hash comes first
-    # since 80 bytes are few.
-    words = f"mm, sha256 {content_sha256(record)[:12]}, {title}"
+    # Readers take a file that begins with "solid", as a run's name may, for one in text. The hash and what a
+    # printer should know come first since 80 bytes are few.
+    contact = "self-contact, " if record.self_contact else ""
+    words = f"mm, sha256 {content_sha256(record)[:12]}, {contact}{title}"
     header = words.encode("ascii", "replace")[:79].ljust(80)
     return header + len(rows).to_bytes(4, "little") + bytes(rows.tobytes())

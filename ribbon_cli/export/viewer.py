@@ -69,7 +69,6 @@ def _state(record: StateRecord, placed: Array) -> dict[str, Any]:
         "energy": _number(record.energy),
         "Lk": _number(record.linking_number),
         "verdict": verdict(record),
-        "contact": record.self_contact,
         "sigma": record.sigma,
         "starts": list(pieces.first),
         "ends": list(pieces.last),

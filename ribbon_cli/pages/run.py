@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from ribbon_cli.errors import UsageError
 from ribbon_cli.export.series import branch, courses, finest, latest
+from ribbon_cli.export.words import MEETS_ITSELF
 from ribbon_cli.pages.html import Cell, heading, page, paragraph, picture, preformatted, table
 from ribbon_cli.plot.figure import image, state_caption
 from ribbon_cli.plot.kinds import Source, draw
@@ -50,7 +51,8 @@ def _summary(run: Run, records: list[StateRecord]) -> list[str]:
     contact = "No self-contact."
     if touching:
         contact = (
-            f"Self-contact at {len(touching)} of the equilibria, the narrowest b = {min(touching):.10g}."
+            f"Self-contact at {len(touching)} of the equilibria, the narrowest b = {min(touching):.10g}: "
+            f"there the band {MEETS_ITSELF}, whatever its certificate."
         )
     worst = max((r for state in states if (r := state["kkt_residual"]) is not None), default=float("nan"))
     linking = sorted(
@@ -80,6 +82,7 @@ def _states(states: list[dict[str, Any]]) -> str:
         "E",
         "status",
         "certificate",
+        "contact",
         "neg.",
         "gradient",
         "constraints",
@@ -97,11 +100,12 @@ def _states(states: list[dict[str, Any]]) -> str:
                 (_number(state["energy"], ".9f"), "n"),
                 state["status"],
                 ("yes", "yes") if state["certified"] else ("no", "no"),
+                ("yes", "no") if state["self_contact"] else "no",
                 ("?" if negative is None else str(negative), "n"),
                 (_number(state["kkt_residual"], ".1e"), "n"),
                 (_number(state["constraint_residual"], ".1e"), "n"),
                 (_linking_number(state["linking_number"]), "n"),
-                ("contact" if state["self_contact"] else _number(state["clearance"], ".3g"), "n"),
+                (_number(state["clearance"], ".3g"), "n"),
             ]
         )
     return table(head, rows)

@@ -58,7 +58,8 @@ def reference(record: StateRecord, run: str | None) -> str:
 
 
 def state_caption(records: Sequence[StateRecord], run: str | None, names: Sequence[str] = ()) -> str:
-    """One line on the states that a picture shows: which they are, and whether they are certified.
+    """One line on the states that a picture shows: which they are, whether they are certified, and whether
+    they meet themselves.
 
     `names` are their references where they are of several runs.
     """
@@ -68,7 +69,9 @@ def state_caption(records: Sequence[StateRecord], run: str | None, names: Sequen
         labels = ", ".join(names or [str(record.label) for record in records])
         auxiliary = sum(record.kind == "auxiliary" for record in records)
         certified = sum(record.certified and record.kind != "auxiliary" for record in records)
+        meeting = sum(record.self_contact for record in records)
         beside = f", {auxiliary} auxiliary" if auxiliary else ""
+        beside += f", {meeting} in self-contact without forces" if meeting else ""
         where = "" if names else f"{run}:" if run else "states "
         return f"{where}{labels} ({certified} of {len(records)} certified{beside})"
     (record,) = records

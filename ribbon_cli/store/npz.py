@@ -33,6 +33,7 @@ SCALARS = (
     "discretisation",
     "energy",
     "linking_number",
+    "self_contact",
     "label",
     "kind",
     "status",

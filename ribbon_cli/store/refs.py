@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import os
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -83,20 +83,27 @@ def names_state(ref: str) -> bool:
     return ":" in ref or "@" in ref or ref.endswith(_FILES) or os.path.isfile(ref)
 
 
-def resolve_state(root: str | Path, ref: str) -> tuple[Run | None, int | None, Path]:
+def resolve_state(
+    root: str | Path, ref: str, tell: Callable[[str], object] | None = None
+) -> tuple[Run | None, int | None, Path]:
     """Return run, label and file of the state that a reference names.
 
-    `RUN:LABEL`; `RUN@b=0.5,N=400` (equilibria only, either part may be left out, of several the latest
-    certified, else the latest); or a path to a state's HDF5 or npz file, whose run and label are None
-    outside a run. Raises UsageError, saying what there is instead, when it names none.
+    `RUN:LABEL`; `RUN@b=0.5,N=400` (equilibria only, either part may be left out, of several the one that is
+    `meant`); or a path to a state's HDF5 or npz file, whose run and label are None outside a run. `tell` is
+    called with a sentence on the choice where the reference leaves one. Raises UsageError, saying what there
+    is instead, when it names none.
     """
     if ref.endswith(_FILES) or os.path.isfile(ref):
         return _from_path(Path(ref))
     name, at, query = ref.partition("@")
     if at:
         run = find_run(root, name)
-        label = _find_equilibrium(run, _parse_query(ref, query))
-        return run, label, run.state_path(label)
+        wanted = _parse_query(ref, query)
+        fitting = _fitting(run, wanted)
+        state = meant(fitting)
+        if tell is not None and ("N" not in wanted or len(fitting) > 1 or not state["certified"]):
+            tell(f"{ref}: {_choice(state, fitting)}")
+        return run, int(state["label"]), run.state_path(state["label"])
     name, colon, text = ref.rpartition(":")
     if not colon:
         run = find_run(root, ref)
@@ -163,8 +170,31 @@ def no_equilibria(run: Run) -> str:
     return f"{run.name} has no equilibria yet; `ribbon ls {typed(run)} --all` lists its states"
 
 
-def _find_equilibrium(run: Run, wanted: dict[str, float]) -> int:
-    """Label of the latest certified equilibrium that fits, else of the latest. Raises UsageError."""
+def meant(states: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """Of equilibria in the order stored the one that stands for them: the latest of the finest certified
+    ones, where none is certified the latest of the finest.
+    """
+    certified = [state for state in states if state["certified"]]
+    return max(reversed(certified or states), key=lambda state: state["segments"])
+
+
+def _choice(taken: dict[str, Any], fitting: Sequence[dict[str, Any]]) -> str:
+    """Which of the equilibria that fit a reference was taken, and why that one."""
+    rivals = [state for state in fitting if state["certified"] == taken["certified"]]
+    alike = [state for state in rivals if state["segments"] == taken["segments"]]
+    words = ["finest"] * (len(alike) < len(rivals)) + ["latest"] * (len(alike) > 1)
+    which = f"the {' and '.join(words) or 'only'}"
+    among = "that fits" if len(fitting) == 1 else f"of {len(fitting)} that fit"
+    if taken["certified"]:
+        why = f"{which} one {among}" if len(fitting) == 1 else f"{which} certified one {among}"
+    else:
+        why = f"{which} one {among}, without certificate" + ("" if len(fitting) == 1 else " like the others")
+    place = f"b = {taken['half_width']:.10g}, N = {taken['segments']}"
+    return f"state {taken['label']} is taken ({place}), {why}"
+
+
+def _fitting(run: Run, wanted: dict[str, float]) -> list[dict[str, Any]]:
+    """The equilibria that a query fits, at least one. Raises UsageError."""
     states = run.states()
     if not states:
         raise UsageError(no_equilibria(run))
@@ -179,8 +209,7 @@ def _find_equilibrium(run: Run, wanted: dict[str, float]) -> int:
         raise UsageError(
             f"{run.name} has no equilibrium with {where}N = {wanted['N']}: it has N = {segments}"
         )
-    certified = [state for state in fitting if state["certified"]]
-    return int((certified or fitting)[-1]["label"])
+    return fitting
 
 
 def _has_width(state: dict[str, Any], b: float | None) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -16,21 +17,24 @@ from .plan import start_width
 from .records import state_of
 
 
-def given_band(config: Config, root: Path) -> Band | None:
-    """The band of the state that a config starts from, None for a recipe. Raises as `given_state`."""
-    return given_state(config, root)[0].band if config.guess.recipe == "state" else None
+def given_band(config: Config, root: Path, tell: Callable[[str], object] | None = None) -> Band | None:
+    """The band of the state that a config starts from, None for a recipe. Arguments and errors are those of
+    `given_state`.
+    """
+    return given_state(config, root, tell)[0].band if config.guess.recipe == "state" else None
 
 
-def given_state(config: Config, root: Path) -> tuple[State, str]:
+def given_state(config: Config, root: Path, tell: Callable[[str], object] | None = None) -> tuple[State, str]:
     """The state of `initial_guess: {state: ...}` in the config's length and discretisation, and its name.
 
-    The name bears a hash of the state's numbers, so that a run can tell whether it started from them.
+    The name bears a hash of the state's numbers, so that a run can tell whether it started from them. `tell`
+    is called with a sentence on which state was taken, where the reference leaves a choice.
 
     Raises ConfigError, at the reference's place in the config, if it does not exist, is an npz file without
     a state in it, or is not the band that the config describes; StoreError if a run's state is damaged.
     """
     try:
-        return _given_state(config, root)
+        return _given_state(config, root, tell)
     except UsageError as error:
         raise refused(config, str(error)) from error
 
@@ -41,9 +45,9 @@ def refused(config: Config, message: str) -> ConfigError:
     return ConfigError(config.path, [Problem(guess.line, guess.column, "initial_guess.state", message)])
 
 
-def _given_state(config: Config, root: Path) -> tuple[State, str]:
+def _given_state(config: Config, root: Path, tell: Callable[[str], object] | None) -> tuple[State, str]:
     ref = config.guess.state or ""
-    run, label, path = resolve_state(root, ref)
+    run, label, path = resolve_state(root, ref, tell)
     if path.suffix == ".npz":
         try:
             data = load_npz(path)

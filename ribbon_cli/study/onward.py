@@ -31,7 +31,8 @@ def continue_state(
     Raises UsageError for a state outside of a run, with an open seam or prescribed rulings, that is not
     stationary, or at the width asked for.
     """
-    run, label, path = resolve_state(root, ref)
+    taken: list[str] = []
+    run, label, path = resolve_state(root, ref, taken.append)
     if run is None or label is None:
         raise UsageError(f"{path}: not in a run, and what continue makes joins the state's run")
     record = run.load(label)
@@ -41,6 +42,8 @@ def continue_state(
 
     def study(watcher: Progress) -> Outcome:
         steps = steps_from(run, record, watcher, argv)
+        for choice in taken:
+            steps.journal.note(choice)
         try:
             if natural:
                 courses = [Natural(steps, request, record).follow(f"from {record.label}")]

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from ..config import SpectrumRequest
 from ..config.recipes import SEGMENTS
 from ..errors import RibbonError, UsageError
 from ..recipes.eversion import not_everted
 from ..store import Run, StateRecord, resolve_state
+from ..store.refs import WIDTH_TOLERANCE, meant
 from .journal import run_or_read
 from .outcome import Outcome, Target
 from .progress import Progress, Silence
 from .records import state_of
 from .resolved import resolved_config
 from .steps import Steps
+from .table import ANOTHER
 
 _CONFIG_FACTS = ("git_revision", "git_dirty")
 """Facts on the config's repository."""
@@ -34,22 +37,28 @@ def refine_state(
 ) -> Outcome:
     """Refine the state that `ref` names, to N = `to` or by doubling `levels` times.
 
-    On the way to a distant N the grid is doubled, and those states are kept as intermediate. `split` halves
-    facets as in Koldaev (2022), 3.1, and only doubles. Raises UsageError for a state outside of a run, with
+    On the way to a distant N the grid is doubled, and those states are kept as intermediate. Where the run
+    holds a refinement of the same band with such an N already, that one is taken and nothing is stored.
+    `split` halves facets as in Koldaev (2022), 3.1, only doubles, and takes nothing that was made otherwise.
+    Raises UsageError for a state outside of a run, with
     an open seam or prescribed rulings, or for an N that the method cannot reach.
     """
     if (to is None) == (levels is None):
         raise UsageError("refine: give either the number of segments to refine to, or the number of levels")
-    run, label, path = resolve_state(root, ref)
+    taken: list[str] = []
+    run, label, path = resolve_state(root, ref, taken.append)
     if run is None or label is None:
         raise UsageError(f"{path}: not in a run, and what refine makes joins the state's run")
     record = run.load(label)
     if record.kind == "auxiliary":
         raise UsageError(f"{ref}: an auxiliary state, with prescribed rulings, cannot be refined")
-    grids = _grids(ref, record.segments, to, levels, method)
+    there = to == record.segments and record.kind == "equilibrium" and record.certified
+    grids = [record.segments] if there else _grids(ref, record.segments, to, levels, method)
 
     def study(watcher: Progress) -> Outcome:
         steps = steps_from(run, record, watcher, argv, len(grids))
+        for choice in taken:
+            steps.journal.note(choice)
         try:
             targets = _refine_all(steps, record, grids, method, every=levels is not None)
         finally:
@@ -69,7 +78,9 @@ def _refine_all(
         how = ", facets split" if method == "split" else ""
         stage = f"state {start.label} refined to N = {n}{how}" + ("" if named else ", on the way")
         kind = "equilibrium" if named else "intermediate"
-        following = steps.refine(record, n, stage, kind, splitting=method == "split")
+        following = _stored(steps, start, n, stage, named, method) or steps.refine(
+            record, n, stage, kind, splitting=method == "split"
+        )
         failed = following if isinstance(following, str) else None
         if isinstance(following, StateRecord):
             record = following
@@ -88,6 +99,63 @@ def _refine_all(
             ]
             break
     return tuple(targets)
+
+
+def _stored(
+    steps: Steps, start: StateRecord, segments: int, stage: str, named: bool, method: str
+) -> StateRecord | None:
+    """The certified state with so many segments that is the start's own refinement, or is related to it by
+    refinements; None where none is stored but, perhaps, by the stage's name.
+    """
+    if segments == start.segments:
+        label = start.label
+    elif method == "split" or steps.journal.has(stage):
+        return None
+    else:
+        kinds = ("equilibrium",) if named else ("equilibrium", "intermediate")
+        known = [
+            state
+            for state in _relatives(steps.journal.run, start.label)
+            if state["segments"] == segments and state["kind"] in kinds
+        ]
+        if not known:
+            return None
+        label = meant(known)["label"]
+    if named:
+        place = f"b = {start.half_width:.10g} and N = {segments}"
+        steps.journal.note(f"state {label} has {place} already: nothing new is stored")
+    return steps.journal.run.look_up(label)
+
+
+def _relatives(run: Run, label: int) -> list[dict[str, Any]]:
+    """The certified states that are one band on several grids with the state of a label, in the order stored.
+
+    A refinement keeps the width and changes N. What is refined from the state is its own even where another
+    minimum came of it, as it would again; elsewhere such a step leads to another band.
+    """
+    every = run.states(all=True)
+    states = {state["label"]: state for state in every if state["certified"] or state["label"] == label}
+    found, own = {label}, {label}
+    links = [
+        (state["label"], state["parent"], any(event.startswith(ANOTHER) for event in state["events"]))
+        for state in states.values()
+        if state["parent"] in states and _regridded(states[state["parent"]], state)
+    ]
+    for child, parent, _ in links:  # parents come before their children
+        own |= {child} if parent in own else set()
+    size = 0
+    while size != len(found):
+        size = len(found)
+        for child, parent, other in links:
+            if not other and states[label]["certified"] and (child in found) != (parent in found):
+                found |= {child, parent}
+    return [state for key, state in states.items() if key in found | own and state["certified"]]
+
+
+def _regridded(before: Mapping[str, Any], after: Mapping[str, Any]) -> bool:
+    """Whether a step led to another N at the same width."""
+    same = math.isclose(before["half_width"], after["half_width"], rel_tol=WIDTH_TOLERANCE)
+    return same and before["segments"] != after["segments"]
 
 
 def _grids(ref: str, segments: int, to: int | None, levels: int | None, method: str) -> list[int]:

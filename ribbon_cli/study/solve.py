@@ -58,12 +58,13 @@ def solve_config(
     are in the outcome, and the run's log keeps which. Raises UsageError for a given state that does not fit
     (before any run folder is made), StoreError, LockedError.
     """
-    given = None
+    given, remarks = None, list[str]()
     if config.guess.recipe == "state":
         from .given import given_state
 
-        given = given_state(config, references or root)
+        given = given_state(config, references or root, remarks.append)
     changed = what_changed(config, root)
+    remarks += [changed] if changed else []
     run = _open(config, root)
     if fresh and (run.entries() or any(configs.differing(run.path, configs.committed(run.events())))):
         run.set_aside()
@@ -74,8 +75,8 @@ def solve_config(
             import_module(module, __package__)
         one_pass = _Study(config, run, given, watcher, argv)
         try:
-            if changed:
-                one_pass.journal.note(changed)
+            for remark in remarks:
+                one_pass.journal.note(remark)
             outcome = one_pass.run()
             one_pass.journal.end(outcome)
             return outcome

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -60,18 +60,19 @@ class Verification:
         return tuple(finding for finding in self.findings if not finding.note)
 
 
-def verify(root: Path, ref: str = "all") -> Verification:
+def verify(root: Path, ref: str = "all", tell: Callable[[str], object] | None = None) -> Verification:
     """Verify a state, a run, or `all` runs, those set aside too: files against hashes, numbers against
     shapes.
 
-    Damage is in the findings. Raises UsageError for a reference to nothing.
+    `tell` is called with a sentence on which state was taken, where the reference leaves a choice. Damage is
+    in the findings. Raises UsageError for a reference to nothing.
     """
     if ref == "all":
         runs = list_runs(root, aside=True)
         return _joined([_verify_run(run) for run in runs], len(runs))
     if not names_state(ref):
         return _joined([_verify_run(find_run(root, ref))], 1)
-    run, label, path = resolve_state(root, ref)
+    run, label, path = resolve_state(root, ref, tell)
     if path.suffix == ".npz":
         raise UsageError(f"{path}: an npz file carries no hash and no certificate to verify")
     if run is None or label is None:
