@@ -31,7 +31,7 @@ _COMMANDS = {
 
 @dataclass(frozen=True)
 class Pace:
-    """The least that a command took in both builds: seconds, and seconds of processor. Load only adds to it."""
+    """The least that a command took in both builds, in seconds and in seconds of processor: load only adds."""
 
     what: str
     before: tuple[float, float]

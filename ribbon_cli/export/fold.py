@@ -17,7 +17,7 @@ import numpy as np
 from ribbon_cli.errors import UsageError
 from ribbon_cli.export.mesh import check_shape, is_closed
 from ribbon_cli.export.pattern import fold_angles
-from ribbon_cli.export.svg import fold_kind
+from ribbon_cli.export.sheet import fold_kind
 from ribbon_cli.store import summary
 
 if TYPE_CHECKING:

@@ -76,16 +76,16 @@ def arclength_figure(
     places[2].set_ylim(bottom=0.0)
     if len(courses) > 1:
         for axes, end in zip(places, ends, strict=True):
-            _number(axes, end, style)
+            _number(figure, axes, end, style)
     handles = _names(courses, style) + meanings(used, [p for points in courses.values() for p in points])
     legend_above(figure, handles, [str(handle.get_label()) for handle in handles], rows=0)
     return figure
 
 
-def _number(axes: Axes, ends: Sequence[tuple[float, float]], style: Style) -> None:
+def _number(figure: Figure, axes: Axes, ends: Sequence[tuple[float, float]], style: Style) -> None:
     """The branches' numbers, as the legend has them, where they end; those that end at one place together."""
     place = axes.transData + axes.transAxes.inverted()
-    room = style.font / 72 * np.array(NUMBER) / np.array(axes.figure.get_size_inches()) * _grid(axes)
+    room = style.font / 72 * np.array(NUMBER) / np.array(figure.get_size_inches()) * _grid(axes)
     groups: list[tuple[np.ndarray, list[int]]] = []
     for k, end in enumerate(ends):
         if not all(map(math.isfinite, end)):
