@@ -31,7 +31,7 @@ _COMMANDS = {
 
 @dataclass(frozen=True)
 class Pace:
-    """The least that a command took in both builds, in seconds and in seconds of processor: load only adds."""
+    """The least that a command took in both builds, by the clock and of processor; load only adds to it."""
 
     what: str
     before: tuple[float, float]
