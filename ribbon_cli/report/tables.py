@@ -103,7 +103,7 @@ def as_csv(table: Table, comparison: Sequence[ComparisonRow] = ()) -> str:
 
 
 def csv_text(records: Sequence[Mapping[str, object]], columns: Sequence[str] = ()) -> str:
-    """Records of the same keys as CSV, the keys in the first line; of none the `columns`, if they are given."""
+    """Records of the same keys as CSV, the keys in the first line; of none the `columns`, if given."""
     out = io.StringIO()
     columns = columns or list(records[0] if records else ())
     if columns:
