@@ -129,7 +129,7 @@ def _newer(file):
         (_external, "files/states/0003.h5 is missing, or not in the file itself"),
         (_outside, "keeps its data outside the file"),
         (_giant, "larger than any file of a run"),
-        (_newer, "newer than 1.0: update ribbon"),
+        (_newer, "newer than 1.1: update ribbon"),
     ],
 )
 def test_hostile_packs_are_refused_whole(folder, change, message):
