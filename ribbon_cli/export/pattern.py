@@ -51,7 +51,8 @@ class Pattern:
     def box(self) -> tuple[float, float, float, float]:
         """Left, lower, right, upper bounds with the tab, in millimetres."""
         x = np.concatenate((self.folds[..., 0].ravel(), self.first[:, 0], self.last[:, 0], self.tab[:, 0]))
-        return float(x.min()), -self.half_width, float(x.max()), self.half_width
+        y = np.append(self.tab[:, 1], (-self.half_width, self.half_width))
+        return float(x.min()), float(y.min()), float(x.max()), float(y.max())
 
 
 def fold_angles(record: StateRecord) -> Array:

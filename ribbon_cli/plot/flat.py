@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ribbon_cli.export.pattern import Pattern, fold_pattern
-from ribbon_cli.export.sheet import FLAT_DEGREES, fold_kind
+from ribbon_cli.export.sheet import FLAT_DEGREES
 from ribbon_cli.plot.labels import legend_above
 from ribbon_cli.plot.style import GREY, INK, PALETTE, Style
 
@@ -45,20 +45,23 @@ def draw_pattern(axes: Axes, pattern: Pattern, style: Style) -> None:
     """Draw outline, folds and tab, lines the darker the sharper the fold."""
     from matplotlib.collections import LineCollection
 
-    sharpest = float(np.abs(pattern.angles).max()) or 1.0
+    # The seam to the flap is a fold too, seen from the other side on a one-sided band.
+    folds = np.concatenate((pattern.folds, pattern.last[None]))
+    angles = np.append(pattern.angles, pattern.sigma * pattern.seam)
+    sharpest = float(np.abs(angles).max()) or 1.0
     # Dashes that are shorter than a line is wide run together: of many folds, letters tell which they are.
     dense = len(pattern.angles) > FEW_FOLDS
     # Lines that are wider than their distance would hide each other.
     width = min(0.7 * style.line, 0.8 * style.width * 72 / (len(pattern.angles) + 1))
     for name, colour, dashes, chosen in (
-        ("mountain", MOUNTAIN, (0, (6, 2, 1, 2)), pattern.angles > FLAT_DEGREES),
-        ("valley", VALLEY, (0, (4, 2)), pattern.angles < -FLAT_DEGREES),
+        ("mountain", MOUNTAIN, (0, (6, 2, 1, 2)), angles > FLAT_DEGREES),
+        ("valley", VALLEY, (0, (4, 2)), angles < -FLAT_DEGREES),
     ):
         if not chosen.any():
             continue
-        strength = 0.25 + 0.75 * np.abs(pattern.angles[chosen]) / sharpest
+        strength = 0.25 + 0.75 * np.abs(angles[chosen]) / sharpest
         lines = LineCollection(
-            list(pattern.folds[chosen]),
+            list(folds[chosen]),
             colors=colour,
             alpha=strength,
             linewidths=width,
@@ -68,18 +71,14 @@ def draw_pattern(axes: Axes, pattern: Pattern, style: Style) -> None:
         label = f"{name} fold" + (f" ({name[0].upper()})" if dense else "")
         axes.plot([], [], color=colour, linestyle="-" if dense else dashes, label=label)
         if dense:
-            _letters(axes, pattern, chosen, name[0].upper(), colour)
-    flat = np.abs(pattern.angles) <= FLAT_DEGREES
+            _letters(axes, pattern, chosen[:-1], name[0].upper(), colour)
+    flat = np.abs(angles) <= FLAT_DEGREES
     if flat.any():
-        axes.add_collection(LineCollection(list(pattern.folds[flat]), colors=GREY, linewidths=style.thin))
+        axes.add_collection(LineCollection(list(folds[flat]), colors=GREY, linewidths=style.thin))
     # The flap is cut with the strip, and folded against it.
     outline = np.vstack((pattern.first[0], pattern.tab, pattern.first[::-1]))
     axes.plot(*outline.T, color=INK, label="cut")
     axes.fill(*pattern.tab.T, facecolor="#dddddd", zorder=0, label="flap for glue")
-    seam = fold_kind(pattern.sigma * pattern.seam)
-    axes.plot(
-        *pattern.last.T, color={"mountain": MOUNTAIN, "valley": VALLEY, "flat": GREY}[seam], linewidth=width
-    )
     axes.set_aspect("equal")
     axes.margins(0.01)
     axes.axis("off")
