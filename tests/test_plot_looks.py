@@ -26,7 +26,7 @@ from ribbon_cli.plot.labels import panel_titles
 from ribbon_cli.plot.levels import convergence_figure
 from ribbon_cli.plot.modes import ModeShape
 from ribbon_cli.plot.runs import MOST_RUNS, runs_figure
-from ribbon_cli.plot.style import MOST_LOOKS, STYLES, branch_look, line_look, marked_look, of_width
+from ribbon_cli.plot.style import MOST_LOOKS, STYLES, branch_look, line_look, marked_look, of_width, styled
 from ribbon_cli.report.convergence import Entry, Table, convergence_rows
 
 STYLE = STYLES["paper"]
@@ -172,7 +172,8 @@ def test_a_picture_is_as_wide_as_asked_and_its_letters_legible(kind, width, solv
         source = replace(source, states=source.states[:3])
     figure = dressed(draw(kind, source, style).figure, style, "A caption of some length. " * 6, "A title")
     assert figure.get_figwidth() * 25.4 == pytest.approx(width, rel=1e-12)
-    figure.draw_without_rendering()
+    with styled(style):  # ticks are chosen by the style's letters
+        figure.draw_without_rendering()
     page = figure.bbox
     for text in figure.findobj(lambda artist: hasattr(artist, "get_fontsize") and artist.get_visible()):
         if not text.get_text():

@@ -111,8 +111,7 @@ def add_title(figure: Figure, title: str, style: Style) -> None:
     """
     size = TITLE * style.font
     lines = _wrapped(figure, title, size)
-    for _ in range(2):  # ticks that come with the first layout need room in the second
-        figure.draw_without_rendering()
+    figure.draw_without_rendering()
     figure.set_layout_engine("none")
     before = figure.get_figheight()
     figure.set_figheight(before + LEADING * size * (len(lines) + 0.4) / 72)
