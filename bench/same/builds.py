@@ -106,10 +106,12 @@ def libraries() -> str:
 def _check(build: Build) -> None:
     """Raise CaseError unless it is this build's package that runs."""
     code = f"import {PACKAGE}; print({PACKAGE}.__file__)"
+    # Python looks in the working folder first.
+    elsewhere = build.tree / PACKAGE
     done = subprocess.run(
         [sys.executable, "-c", code],
         env=build.environment(),
-        cwd=build.tree,
+        cwd=elsewhere,
         capture_output=True,
         check=False,
     )
