@@ -42,8 +42,8 @@ class Build:
     commit: str | None = None
 
     def command(self, *words: str) -> list[str]:
-        """A command line of its program."""
-        return [sys.executable, "-m", PACKAGE, *words]
+        """A command line of its program, whatever lies in the folder where it is run."""
+        return [sys.executable, "-P", "-m", PACKAGE, *words]
 
     def environment(self) -> dict[str, str]:
         """An environment in which its program is the one that runs."""
@@ -107,7 +107,7 @@ def _check(build: Build) -> None:
     """Raise CaseError unless it is this build's package that runs."""
     code = f"import {PACKAGE}; print({PACKAGE}.__file__)"
     done = subprocess.run(
-        [sys.executable, "-c", code],
+        [sys.executable, "-P", "-c", code],
         env=build.environment(),
         cwd=build.tree,
         capture_output=True,

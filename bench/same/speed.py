@@ -31,7 +31,7 @@ _COMMANDS = {
 
 @dataclass(frozen=True)
 class Pace:
-    """The least that a command took in both builds, by the clock and of processor; load only adds to it."""
+    """The least that a command took in both builds, as load only adds: seconds, and seconds of processor."""
 
     what: str
     before: tuple[float, float]
