@@ -16,6 +16,7 @@ MODULES = sorted(PACKAGE.rglob("*.py"))
 
 RANKS = {
     "errors": 0,
+    "digits": 0,
     "expression": 0,
     "text": 0,
     "model": 1,

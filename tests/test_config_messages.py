@@ -63,12 +63,23 @@ def schoenke(half_twists: int, segments: int, half_width: float) -> str:
         (
             changed("half_twists: 1", "half_twists: 0"),
             "mobius.yaml:5:25: initial_guess.recipe: twist does not fit the topology: "
-            "needs half_twists other than 0, got 0; take cylinder or eversion",
+            "needs half_twists 1 or -1, got 0; take cylinder or eversion",
+        ),
+        (
+            changed("half_twists: 1", "half_twists: 2"),
+            "mobius.yaml:5:25: initial_guess.recipe: twist does not fit the topology: "
+            "needs half_twists 1 or -1, got 2; no recipe makes these: start from a state, {state: ...}",
+        ),
+        (
+            changed("half_twists: 1", "half_twists: -3"),
+            "mobius.yaml:5:25: initial_guess.recipe: twist does not fit the topology: "
+            "needs half_twists 1 or -1, got -3; take schoenke",
         ),
         (
             schoenke(2, 50, 0.1),
             "mobius.yaml:5:25: initial_guess.recipe: schoenke does not fit the topology: "
-            "needs half_twists 3 or more, or -3 or less, got 2; start from a state: {state: ...}",
+            "needs half_twists 3 or more, or -3 or less, got 2; "
+            "no recipe makes these: start from a state, {state: ...}",
         ),
         (
             schoenke(7, 50, 0.1),
@@ -358,7 +369,7 @@ def test_all_problems_at_once_in_the_order_of_the_file() -> None:
         f"mobius.yaml:2:21: widths[2]: {number} (not made of numbers, pi, + - * / and parentheses)",
         "mobius.yaml:3:1: lenght: unknown key: did you mean length?",
         "mobius.yaml:5:25: initial_guess.recipe: twist does not fit the topology: "
-        "needs half_twists other than 0, got 0; take cylinder or eversion",
+        "needs half_twists 1 or -1, got 0; take cylinder or eversion",
         "mobius.yaml:5:42: initial_guess.segments: must be an integer from 8 to 100000, got 4",
         "mobius.yaml:6:18: refinement[1]: must be 100, twice the level before, got 90",
         "mobius.yaml:7:19: anchors (&a) are not accepted: remove it",

@@ -11,87 +11,133 @@ import click
 from ribbon_cli.cli.completion import complete_any
 from ribbon_cli.cli.output import emit, emit_json, say, teller
 from ribbon_cli.cli.settings import Settings, common_options, pass_settings
-from ribbon_cli.errors import UsageError
+from ribbon_cli.errors import TargetError, UsageError
 
 if TYPE_CHECKING:
-    from ribbon_cli.report.comparison import FieldPair, StatePair
+    from ribbon_cli.report.comparison import FieldPair, Judgement, StatePair
 
 _LONGEST = 40
+
+
+exact_option = click.option(
+    "--exact", is_flag=True, help="Ask for the same bytes: what is the same to rounding is exit 3 then, too."
+)
 
 
 @click.command()
 @click.argument("first", metavar="REF", shell_complete=complete_any)
 @click.argument("second", metavar="REF", shell_complete=complete_any)
+@exact_option
 @common_options
 @pass_settings
-def compare(settings: Settings, first: str, second: str) -> None:
+def compare(settings: Settings, first: str, second: str, exact: bool) -> int:
     """Compare two states or two runs.
 
     Of states, what differs is listed, arrays with their largest difference; of runs, the states that ended
-    the same stages. Equal means to the last bit.
+    the same stages. The answer is `identical` (all that was computed, to the last bit), `same to rounding`,
+    with the largest relative difference, or `different`, which is exit 3.
     """
     from ribbon_cli.store import names_state
 
     kinds = {names_state(first), names_state(second)}
     if len(kinds) > 1:
         raise UsageError("compare: name two states or two runs, not one of each")
-    if kinds == {True}:
-        _states(settings, first, second)
-    else:
-        _runs(settings, first, second)
+    return (_states if kinds == {True} else _runs)(settings, first, second, exact)
 
 
-def _states(settings: Settings, first: str, second: str) -> None:
+def _states(settings: Settings, first: str, second: str, exact: bool) -> int:
     from ribbon_cli.api import open_state
-    from ribbon_cli.report.comparison import compare_states, same_science
+    from ribbon_cli.report.comparison import compare_states
+    from ribbon_cli.study import judge
 
     one, two = (open_state(ref, settings.runs, teller(settings))[1] for ref in (first, second))
-    pairs = compare_states(one, two)
-    differing = [pair for pair in pairs if not pair.equal]
+    pairs, judgement = compare_states(one, two), judge(one, two)
     if settings.json:
-        document = {"first": first, "second": second, "equal": same_science(pairs)}
-        emit_json(document | {"fields": [asdict(pair) for pair in pairs]})
-        return
-    if differing:
-        emit(_fields_table(differing))
-    verdict = "all that was computed is equal" if same_science(pairs) else "they differ"
-    say(settings, f"{len(pairs) - len(differing)} of {len(pairs)} fields are equal: {verdict}")
+        document = {"first": first, "second": second, "equal": judgement.answer == "identical"}
+        emit_json(document | asdict(judgement) | {"fields": [asdict(pair) for pair in pairs]})
+    else:
+        differing = [pair for pair in pairs if not pair.equal]
+        if differing:
+            emit(_fields_table(differing))
+        say(settings, f"{len(pairs) - len(differing)} of {len(pairs)} fields are equal")
+    return answer(settings, judgement, exact)
 
 
-def _runs(settings: Settings, first: str, second: str) -> None:
-    from ribbon_cli.report.comparison import compare_runs
+def _runs(settings: Settings, first: str, second: str, exact: bool) -> int:
     from ribbon_cli.store import find_run
+    from ribbon_cli.study import judge_runs
 
     one, two = find_run(settings.root, first), find_run(settings.root, second)
-    pairs = compare_runs(one, two)
+    pairs = judge_runs(one, two)
     if settings.json:
         document = {"first": one.name, "second": two.name, "equal": all(pair.equal for pair in pairs)}
-        emit_json(document | {"states": [asdict(pair) for pair in pairs]})
-        return
-    emit(pairs_table(pairs))
-    say(settings, f"{sum(pair.equal for pair in pairs)} of {len(pairs)} states are equal")
+        emit_json(document | pairs_answer(pairs) | {"states": list(map(pair_document, pairs))})
+    else:
+        emit(pairs_table(pairs))
+        say(settings, f"{sum(pair.equal for pair in pairs)} of {len(pairs)} states are equal")
+    return answer_of_pairs(settings, pairs, exact)
+
+
+def answer(settings: Settings, judgement: Judgement, exact: bool, where: str = "") -> int:
+    """Print one of the three answers with what it rests on, but for JSON; the exit code."""
+    if not settings.json:
+        emit(f"{judgement.answer}{_reason(judgement, where)}")
+    good = ("identical",) if exact else ("identical", "same to rounding")
+    return 0 if judgement.answer in good else TargetError.exit_code
+
+
+def answer_of_pairs(settings: Settings, pairs: Sequence[StatePair], exact: bool) -> int:
+    """The same of two runs."""
+    from ribbon_cli.report.comparison import Judgement, deciding
+
+    pair = deciding(pairs)
+    if pair is None:
+        return answer(settings, Judgement("identical"), exact)
+    if pair.first is None or pair.second is None:
+        return answer(settings, pair.judgement, exact, f"{pair.stage} is in one of them alone")
+    return answer(settings, pair.judgement, exact, pair.stage)
+
+
+def _reason(judgement: Judgement, where: str) -> str:
+    """What an answer rests on: the largest relative difference and where it is, or a fact that differs."""
+    largest, path = judgement.largest_relative_difference, judgement.largest_in
+    if judgement.answer == "identical":
+        return ""
+    if path is None:
+        return f" ({where})"
+    place = f"{path} of {where}" if where else path
+    image = f"; the second is an image of the first, {judgement.image}" if judgement.image else ""
+    if largest is None:
+        return f" (in {place})"
+    return f" (largest relative difference {largest:.1e}, in {place}{image})"
+
+
+def pairs_answer(pairs: Sequence[StatePair]) -> dict[str, Any]:
+    """The answer of two runs for a program, with the stage that decides it."""
+    from ribbon_cli.report.comparison import Judgement, deciding
+
+    pair = deciding(pairs)
+    judgement = Judgement("identical") if pair is None else pair.judgement
+    return asdict(judgement) | {"largest_in_stage": None if pair is None else pair.stage}
+
+
+def pair_document(pair: StatePair) -> dict[str, Any]:
+    """A pair of states for a program, its judgement among its own keys."""
+    return {key: value for key, value in asdict(pair).items() if key != "judgement"} | asdict(pair.judgement)
 
 
 def pairs_table(pairs: Sequence[StatePair]) -> str:
     """States of two runs side by side."""
-    from ribbon_cli.cli.render import MISSING, columns, number
+    from ribbon_cli.cli.render import columns, energy, number
 
     rows = []
     for pair in pairs:
         one, two = pair.energies
         apart = None if one is None or two is None else two - one
-        rows.append(
-            [
-                pair.stage,
-                number(pair.first),
-                number(pair.second),
-                number(one, ".9f"),
-                number(two, ".9f"),
-                MISSING if apart is None else f"{apart:.1e}",
-                "yes" if pair.equal else "no",
-            ]
-        )
-    return columns(["stage", "label", "label'", "E", "E'", "E' - E", "equal"], rows)
+        answer = pair.judgement.answer + (" (image)" if pair.judgement.image else "")
+        labels = [number(pair.first), number(pair.second)]
+        rows.append([pair.stage, *labels, energy(one), energy(two), number(apart, ".1e"), answer])
+    return columns(["stage", "label", "label'", "E", "E'", "E' - E", "answer"], rows)
 
 
 def _fields_table(pairs: Sequence[FieldPair]) -> str:

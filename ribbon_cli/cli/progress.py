@@ -13,6 +13,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from ribbon_cli import digits
 from ribbon_cli.cli.output import complain
 from ribbon_cli.cli.render import duration
 from ribbon_cli.cli.settings import Settings
@@ -72,13 +73,13 @@ class _Stage:
 
     def step_line(self) -> str:
         """The last step."""
-        return f"    step {self.iteration}: E = {self.energy:.9f}, residual {self.residual:.1e}"
+        return f"    step {self.iteration}: E = {digits.energy(self.energy)}, residual {self.residual:.1e}"
 
     def line(self) -> str:
         """The whole stage, once it is over."""
         if not self.iteration:
             return f"{self.heading}: no steps"
-        result = f"E = {self.energy:.9f}, residual {self.residual:.1e}"
+        result = f"E = {digits.energy(self.energy)}, residual {self.residual:.1e}"
         steps = f"{self.iteration} step{'s' * (self.iteration > 1)}"
         return f"{self.heading}: {result}, {steps}, {duration(time.monotonic() - self.started)}"
 
@@ -165,7 +166,7 @@ class Bar(Lines):
     def step(self, iteration: int, energy: float, residual: float, half_width: float | None = None) -> None:
         """A Newton step was taken."""
         super().step(iteration, energy, residual, half_width)
-        self._bar.update(self._task, figures=f"E = {energy:.9f}  {residual:.1e}")
+        self._bar.update(self._task, figures=f"E = {digits.energy(energy)}  {residual:.1e}")
 
     def _end_stage(self) -> None:
         """Move the bar on, whether or not the stage leaves a line."""

@@ -9,6 +9,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from ribbon_cli import digits
 from ribbon_cli.export.words import MEETS_ITSELF
 from ribbon_cli.text import ranges, visible
 
@@ -48,6 +49,11 @@ def number(value: float | int | None, spec: str = "") -> str:
     return format(value, spec)
 
 
+def energy(value: float | None) -> str:
+    """An energy; a dash where there is none."""
+    return MISSING if value is None or math.isnan(value) else digits.energy(value)
+
+
 def duration(seconds: float) -> str:
     """A time as people say it: 0.4 s, 12 s, 3 min 20 s, 2 h 05 min."""
     if seconds < 9.95:
@@ -62,7 +68,7 @@ def duration(seconds: float) -> str:
 def _figures(state: State) -> list[str]:
     """Energy, status, linking number, contact, residuals and certificate of a state."""
     return [
-        number(state["energy"], ".9f"),
+        energy(state["energy"]),
         status_in_words(state),
         _linking_number(state["linking_number"]),
         "yes" if state["self_contact"] else "no",
@@ -137,7 +143,7 @@ def branch_table(course: Course) -> str:
             str(point.label),
             point.type,
             number(point.half_width, ".12g"),
-            number(point.energy, ".9f"),
+            energy(point.energy),
             _branch_index(point.negative_eigenvalues, point.index_before, point.index_after),
             number(point.lowest_eigenvalue, ".3e"),
             number(point.sliding_overlap, ".2f"),

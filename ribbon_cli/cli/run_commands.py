@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import os
-from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 import click
 
+from ribbon_cli.cli.compare_command import (
+    answer_of_pairs,
+    exact_option,
+    pair_document,
+    pairs_answer,
+    pairs_table,
+)
 from ribbon_cli.cli.completion import complete_any, complete_file, complete_folder, complete_run
 from ribbon_cli.cli.output import check_target, complain, emit, emit_json, emit_path, say, teller
 from ribbon_cli.cli.settings import Settings, common_options, pass_settings
-from ribbon_cli.errors import TargetError
 
 if TYPE_CHECKING:
     from ribbon_cli.report.comparison import StatePair
@@ -106,43 +111,39 @@ def path(settings: Settings, ref: str) -> None:
 @click.option(
     "--into", metavar="DIR", shell_complete=complete_folder, help="Keep the new run in this folder."
 )
+@exact_option
 @common_options
 @pass_settings
-def rerun(settings: Settings, run: str, into: str | None) -> int:
+def rerun(settings: Settings, run: str, into: str | None, exact: bool) -> int:
     """Repeat a RUN from its stored config alone.
 
-    Says whether every state comes out the same. The exit code is 3 where one differs or is not reached. Bytes
-    are the same on one machine with the same versions; elsewhere, energies agree up to rounding.
+    Says whether every state comes out `identical`, `same to rounding` (as on another machine, or with other
+    versions of libraries) or `different`. The exit code is 3 where one differs or is not reached.
     """
     from pathlib import Path
 
-    from ribbon_cli.cli.compare_command import pairs_table
     from ribbon_cli.cli.progress import progress
     from ribbon_cli.study import rerun as repeat
 
     with progress(settings) as shown:
         target = None if into is None else Path(into)
         found = repeat(settings.root, run, into=target, progress=shown, argv=settings.argv)
-    same = sum(pair.equal for pair in found.pairs)
     if settings.json:
-        emit_json(
-            {
-                "run": found.run.name,
-                "equal": found.equal,
-                "states": [asdict(pair) for pair in found.pairs],
-                "not_from_config": [asdict(pair) for pair in found.extra],
-            }
-        )
+        document = {"run": found.run.name, "equal": found.equal} | pairs_answer(found.pairs)
+        states = {"states": found.pairs, "not_from_config": found.extra}
+        emit_json(document | {key: list(map(pair_document, pairs)) for key, pairs in states.items()})
     else:
         emit(pairs_table(_worth_showing(found.pairs)))
+    same = sum(pair.equal for pair in found.pairs)
     verdict = f"{same} of {len(found.pairs)} states are the same, byte for byte of their scientific part"
     if found.extra:
         verdict += f"; {len(found.extra)} more are not from the config"
-    if found.equal:
-        say(settings, f"{found.run.name}: {verdict}")
-        return 0
-    complain(f"ribbon: {found.run.name}: {verdict}")
-    return TargetError.exit_code
+    say(settings, f"{found.run.name}: {verdict}")
+    code = answer_of_pairs(settings, found.pairs, exact)
+    if code:
+        hint = "`--into DIR` keeps the new run, to compare" if into is None else f"the new run is in {into}"
+        complain(f"ribbon: {found.run.name}: did not come out as it was: {hint}")
+    return code
 
 
 def _worth_showing(pairs: tuple[StatePair, ...]) -> list[StatePair]:

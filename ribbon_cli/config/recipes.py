@@ -44,7 +44,6 @@ class Recipe:
     """The settings of one recipe, and the half-twists it can make: `fits`, in words `half_twists`.
 
     For n of them it needs at least `fewest(n)` segments, and a half-width below `widest(n)` times the length.
-    Messages advise it where it gets there: `advised`.
     """
 
     settings: dict[str, Setting]
@@ -52,7 +51,6 @@ class Recipe:
     half_twists: str
     fewest: Callable[[int], int] = lambda _: SEGMENTS.low
     widest: Callable[[int], float] = lambda _: 1.0
-    advised: Callable[[int], bool] = lambda _: True
 
 
 _EVEN = Count(SEGMENTS.low, SEGMENTS.high, even=True)
@@ -63,9 +61,8 @@ RECIPES: dict[str, Recipe] = {
     "cylinder": Recipe(_MESH, lambda n: n == 0, "0"),
     "twist": Recipe(
         {**_MESH, "steps": Count(1, 10_000, default=50)},
-        lambda n: n != 0,
-        "other than 0",
-        advised=lambda n: abs(n) == 1,
+        lambda n: abs(n) == 1,  # beyond half a turn the band turns over at the seam: recipes.twist
+        "1 or -1",
     ),
     "eversion": Recipe(
         {"segments": _EVEN, "half_width": _WIDTH, "steps": Count(1, 10_000, default=25)},
@@ -87,9 +84,9 @@ def topology_problem(name: str, half_twists: int) -> str | None:
     recipe = RECIPES[name]
     if recipe.fits(half_twists):
         return None
-    others = [
-        other for other, rule in RECIPES.items() if rule.fits(half_twists) and rule.advised(half_twists)
-    ]
-    hint = f"take {' or '.join(others)}" if others else "start from a state: {state: ...}"
+    others = [other for other, rule in RECIPES.items() if rule.fits(half_twists)]
+    hint = (
+        f"take {' or '.join(others)}" if others else "no recipe makes these: start from a state, {state: ...}"
+    )
     needs = f"needs half_twists {recipe.half_twists}, got {half_twists}"
     return f"{name} does not fit the topology: {needs}; {hint}"

@@ -60,6 +60,12 @@ class Symmetry:
         """Whether it is a rotation, not a reflection."""
         return bool(np.linalg.det(self.matrix) > 0)
 
+    def in_words(self) -> str:
+        """What is done to a state: `numbered from node 4, backwards, mirrored`."""
+        words = [f"numbered from node {round(self.shift) + 1}"] if self.shift else []
+        words += ["backwards"] * self.reverse + ["turned over"] * self.flip
+        return ", ".join([*words, "turned" if self.proper else "mirrored"])
+
     def relabelled(self, moves: Array, sigma: int) -> Array:
         """phi of moves (N, 7, ...). Raises ValueError where the grid is not mapped onto itself."""
         if not self.exact:
@@ -153,6 +159,42 @@ def find_symmetries(state: State) -> SymmetryGroup:
     return SymmetryGroup(tuple(exact), tuple(near[:MOST_NEAR]))
 
 
+def find_image(state: State, other: State, renumbered: bool = True) -> Symmetry:
+    """The relabelling phi and the orthogonal map Q that bring one state nearest to another of the same band.
+
+    phi(y) = Q y' to within the residual, so that `apply` turns moves of `state` into moves of `other`. Of
+    relabellings that do equally well, as on symmetric shapes, it is the one that changes least. All stay as
+    they are, and only Q is looked for, unless `renumbered`.
+    """
+    if not renumbered:
+        correlation = state.u.T @ other.u + state.g.T @ other.g
+        return min(_images(state, other, correlation[None], False, False), key=_plainest)
+    found: list[Symmetry] = []
+    for reverse in (False, True):
+        for flip in (False, True) if state.band.sigma > 0 else (False,):
+            found += _images(state, other, _correlations(state, other, reverse, flip, 1), reverse, flip)
+    best = min(image.residual for image in found)
+    return min((image for image in found if image.residual <= best + EXACT), key=_plainest)
+
+
+def _plainest(image: Symmetry) -> tuple[bool, bool, bool, bool, float]:
+    """Key by which images of one residual are ordered: as little renumbered as can be, and no reflection."""
+    return image.residual > EXACT, not image.proper, image.flip, image.reverse, image.shift
+
+
+def _images(state: State, other: State, correlation: Array, reverse: bool, flip: bool) -> list[Symmetry]:
+    """For each shift the best map onto another state, as a rotation and as a reflection."""
+    size = float((state.u**2).sum() + (state.g**2).sum() + (other.u**2).sum() + (other.g**2).sum())
+    found = []
+    for matrices, traces in nearest_orthogonal(correlation).values():
+        residuals = np.sqrt(np.maximum(2.0 - 4.0 * traces / size, 0.0))
+        found += [
+            Symmetry("image", q, float(shift), reverse, flip, float(residual), True)
+            for shift, (q, residual) in enumerate(zip(matrices, residuals, strict=True))
+        ]
+    return found
+
+
 def _doubled(state: State) -> tuple[Array, Array]:
     """u and g (P,3) over one period of labels: N, or 2N with the seam's sign on one-sided bands."""
     if state.band.sigma > 0:
@@ -160,19 +202,22 @@ def _doubled(state: State) -> tuple[Array, Array]:
     return np.vstack((state.u, state.u)), np.vstack((state.g, -state.g))
 
 
-def _correlations(state: State, reverse: bool, flip: bool, parts: int) -> Array:
-    """Matrices sum_i phi(y)_i y_i^T (P parts, 3, 3) for shifts by 0, 1, 2, ... parts of a facet."""
+def _correlations(state: State, other: State, reverse: bool, flip: bool, parts: int) -> Array:
+    """Matrices sum_i phi(y)_i y'_i^T (P parts, 3, 3) for shifts by 0, 1, 2, ... parts of a facet; y' is of
+    the other state.
+    """
     u, g = _doubled(state)
     period = u.shape[0]
     half = state.band.segments / period
     frequency = np.arange(period // 2 + 1)
     fu, fg = np.fft.rfft(u, axis=0), np.fft.rfft(g, axis=0)
+    tu, tg = (np.fft.rfft(part, axis=0) for part in _doubled(other))
     sign = -1.0 if flip else 1.0
     if reverse:  # u'_i = -u_{s-1-i}, g'_i = g_{s-i}: convolutions
         late = np.exp(-2j * np.pi * frequency / period)[:, None, None]
-        spectrum = sign * fg[:, :, None] * fg[:, None, :] - late * fu[:, :, None] * fu[:, None, :]
+        spectrum = sign * fg[:, :, None] * tg[:, None, :] - late * fu[:, :, None] * tu[:, None, :]
     else:
-        spectrum = sign * fg[:, :, None] * fg[:, None, :].conj() + fu[:, :, None] * fu[:, None, :].conj()
+        spectrum = sign * fg[:, :, None] * tg[:, None, :].conj() + fu[:, :, None] * tu[:, None, :].conj()
     if period % 2 == 0 and parts > 1:
         spectrum[-1] *= 0.5  # Nyquist's frequency stands for two once the transform is padded
     out: Array = np.fft.irfft(spectrum, n=parts * period, axis=0) * (parts * half)
@@ -184,7 +229,7 @@ def _of_one_kind(state: State, reverse: bool, flip: bool) -> tuple[list[Symmetry
     period = _doubled(state)[0].shape[0]
     parts = min(FINEST, max(1, MOST_SHIFTS // period))
     size = float((state.u**2).sum() + (state.g**2).sum())
-    correlation = _correlations(state, reverse, flip, parts)
+    correlation = _correlations(state, state, reverse, flip, parts)
     exact: list[Symmetry] = []
     near: list[Symmetry] = []
     for matrices, traces in nearest_orthogonal(correlation).values():

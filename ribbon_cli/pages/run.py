@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from ribbon_cli import digits
 from ribbon_cli.errors import UsageError
 from ribbon_cli.export.series import branch, courses, finest, latest
 from ribbon_cli.export.words import MEETS_ITSELF
@@ -97,7 +98,7 @@ def _states(states: list[dict[str, Any]]) -> str:
                 (f"{state['half_width']:.10g}", "n"),
                 (str(state["segments"]), "n"),
                 (str(state["label"]), "n"),
-                (_number(state["energy"], ".9f"), "n"),
+                (_energy(state["energy"]), "n"),
                 state["status"],
                 ("yes", "yes") if state["certified"] else ("no", "no"),
                 ("yes", "no") if state["self_contact"] else "no",
@@ -159,7 +160,7 @@ def _stages(run: Run) -> list[str]:
     for label in run.entries():
         record = run.load(label)
         parent = record.parent_ref or ("" if record.parent is None else str(record.parent))
-        energy = (_number(record.energy, ".9f"), "n")
+        energy = (_energy(record.energy), "n")
         steps = (str(record.newton_steps), "n")
         number = (str(label), "n")
         rows.append([number, record.kind, record.stage, parent, record.method, steps, energy, record.status])
@@ -185,6 +186,11 @@ def _provenance(records: list[StateRecord]) -> str:
 def _linking_number(value: float | None) -> str:
     """Lk, rounding errors of zero being zero."""
     return _number(None if value is None else round(value, 6) + 0.0, "g")
+
+
+def _energy(value: float | None) -> str:
+    """An energy as text, a dash where it is unknown."""
+    return "–" if value is None else digits.energy(value)
 
 
 def _number(value: float | None, spec: str) -> str:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ribbon_cli.digits import fixed
 from ribbon_cli.export.fields import inflections
 from ribbon_cli.paper import claims
 from ribbon_cli.paper.claims import Check
@@ -179,7 +180,7 @@ def _figure_3_5(library: Library) -> Made:
         Check(
             "no wider partially everted cylinder was found at N = 160",
             "no certified minimum with two inflections at b = 0.035 and 0.04",
-            "; ".join(f"b = {s.half_width:g}: {_verdict(s)}, E = {s.energy:.6f}" for s in wider),
+            "; ".join(f"b = {s.half_width:g}: {_verdict(s)}, E = {fixed(s.energy, 6)}" for s in wider),
             not any(s.certified and inflections(s).size == 2 for s in wider),
             "continued in small steps with the two inflections kept, it goes on as a minimum up to "
             "b = 0.0415, and beyond as a saddle of index 1 (docs/everted-cylinder.md)",
@@ -187,7 +188,7 @@ def _figure_3_5(library: Library) -> Made:
         Check(
             "no finer partially everted cylinder was found at b = 0.03",
             "no certified minimum with two inflections at N = 320 on this branch",
-            f"b = 0.03: {_verdict(same)}, E = {same.energy:.6f}, {inflections(same).size} inflections; "
+            f"b = 0.03: {_verdict(same)}, E = {fixed(same.energy, 6)}, {inflections(same).size} inflections; "
             f"the widest minimum met is at b = {max(minima):.5f}",
             not same.certified,
             "there is an equilibrium, but no minimum. The wider the facets, the wider the band up to which "
@@ -269,8 +270,7 @@ def _figure_3_10(library: Library) -> Made:
     state = library.stage(THREE, "construction")
     twisted = library.run(TWISTED)
     half = TWIST_STEPS // 3
-    stopped = "; ".join(library.failures[TWISTED])
-    end = follow(library.stage(TWISTED, f"twist {half}/{TWIST_STEPS}"), half + 1, 3, TWIST_STEPS)
+    end = follow(library.stage(TWISTED, f"twist {half}/{half}"), half + 1, 3, TWIST_STEPS)
     turns = ", ".join(f"{end.turns[k]:.3f}" for k in (0, 1, len(end.turns) // 2, -1)) if end.turns else "none"
     reached = "none" if end.linking_number is None else f"{end.linking_number:.6f}"
     checks = (
@@ -285,9 +285,9 @@ def _figure_3_10(library: Library) -> Made:
         ),
         Check(
             "twisting the ends of a strip by 3 pi does not lead to a 3 pi band",
-            "the recipe's stages stop before the last",
-            stopped or "all stages reached",
-            bool(stopped),
+            "the recipe's guard refuses a stage before the last",
+            end.stopped or "all stages accepted",
+            end.stopped is not None,
             "the thesis says that the band passes through itself. What ends the twist is that beyond half a "
             "turn the band turns over at the seam; whether it crosses itself as it does so cannot be told "
             "from steps this long",

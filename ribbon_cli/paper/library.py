@@ -15,14 +15,13 @@ if TYPE_CHECKING:
 class Library:
     """Runs of the configs in a folder, by the configs' names; each is solved once, when first asked for.
 
-    `configs` is the folder of the configs, `runs` that of the runs. `failures` keeps, by config, what solving
-    it did not reach; the figures say whether they need it.
+    `configs` is the folder of the configs, `runs` that of the runs. What a run did not reach is missing in
+    it; the figures say whether they need it.
     """
 
     def __init__(self, configs: Path, runs: Path) -> None:
         self.configs = configs
         self.root = runs
-        self.failures: dict[str, tuple[str, ...]] = {}
         self._runs: dict[str, Run] = {}
 
     def path(self, config: str) -> Path:
@@ -34,9 +33,7 @@ class Library:
         if config not in self._runs:
             from ribbon_cli.api import solve
 
-            outcome = solve(self.path(config), runs=self.root)
-            self.failures[config] = tuple(outcome.failures)
-            self._runs[config] = outcome.run
+            self._runs[config] = solve(self.path(config), runs=self.root).run
         return self._runs[config]
 
     def state(self, config: str, half_width: float, segments: int) -> StateRecord:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from ribbon_cli.digits import powers, significant
 from ribbon_cli.export.fields import even_window, field, placed
 from ribbon_cli.export.mesh import check_shape
 from ribbon_cli.plot.labels import curve_labels, legend_above
@@ -180,7 +181,12 @@ def _forces(axes: Axes, records: Sequence[StateRecord]) -> None:
     axes.axis("off")
     axes.set_title(r"$|\gamma|$", loc="left", fontsize=plain_size() * 1.15)
     lines = [
-        Line2D([], [], label=f"{np.linalg.norm(record.gamma):.3g}", **line_look(k, record.segments))
+        Line2D(
+            [],
+            [],
+            label=powers(significant(float(np.linalg.norm(record.gamma)), 3)),
+            **line_look(k, record.segments),
+        )
         for k, record in enumerate(records)
     ]
     axes.legend(handles=lines, loc="upper left", borderaxespad=0.0, handlelength=2.6, fontsize=plain_size())

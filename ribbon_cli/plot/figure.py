@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ribbon_cli.digits import significant
 from ribbon_cli.errors import UsageError
 from ribbon_cli.export.words import verdict
 from ribbon_cli.plot.style import GREY, STYLES, Style, styled
@@ -81,7 +82,7 @@ def state_caption(records: Sequence[StateRecord], run: str | None, names: Sequen
     links = f"{name} = {round(linking, 6) + 0.0:g}, " if math.isfinite(linking) else ""
     return (
         f"{reference(record, run)}, b = {record.half_width:.10g}, N = {record.segments}, "
-        f"{links}E = {record.energy:.9g}, {verdict(record)}, "
+        f"{links}E = {significant(record.energy)}, {verdict(record)}, "
         f"sha256 {content_sha256(record)[:12]}"
     )
 

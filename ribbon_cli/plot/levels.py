@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ribbon_cli.digits import powers, significant
 from ribbon_cli.errors import UsageError
 from ribbon_cli.plot.labels import LEGEND_LINE, band_text, curve_labels, legend_above, width_texts
 from ribbon_cli.plot.panels import panels
@@ -288,7 +289,7 @@ def branch_figure(
         axes.plot(b, values, color=PALETTE[0], zorder=1)
         _mark(axes, states, b, values, style)
         if contact is not None:
-            label = f"first contact, $b$ = {contact:.5g}"
+            label = f"first contact, $b$ = {powers(significant(contact, 5))}"
             axes.axvline(contact, color=PALETTE[1], linestyle=(0, (1.2, 1.6)), zorder=0, label=label)
         axes.set_title(title, loc="left")
         axes.set_xlabel("$b$")

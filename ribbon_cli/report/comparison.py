@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +15,26 @@ if TYPE_CHECKING:
 
 _ORDER = ("/origin/label", "/origin/parent")
 """Where a state stands in its run, not what it is."""
+IDENTICAL, SAME, DIFFERENT = "identical", "same to rounding", "different"
+"""The three answers of a comparison."""
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """One of the three answers, the largest relative difference, and the path of what differs so much.
+
+    Both are None where nothing differs, and the difference where what differs is no number. `image` says how
+    the second shape is an image of the first (numbered, turned), None where it is not.
+    """
+
+    answer: str
+    largest_relative_difference: float | None = None
+    largest_in: str | None = None
+    image: str | None = None
+
+
+Judge = Callable[["StateRecord", "StateRecord"], Judgement]
+"""What says of two states how far they are the same."""
 
 
 @dataclass(frozen=True)
@@ -43,6 +64,7 @@ class StatePair:
     second: int | None
     equal: bool
     energies: tuple[float | None, float | None]
+    judgement: Judgement
 
 
 def compare_states(first: StateRecord, second: StateRecord) -> list[FieldPair]:
@@ -53,8 +75,8 @@ def compare_states(first: StateRecord, second: StateRecord) -> list[FieldPair]:
 
 
 def same_science(pairs: list[FieldPair]) -> bool:
-    """Whether all that was computed is equal: everything but provenance."""
-    return all(pair.equal for pair in pairs if not is_provenance(pair.path))
+    """Whether all that was computed is equal: everything but provenance and the states' places in a run."""
+    return all(pair.equal for pair in pairs if not is_provenance(pair.path) and pair.path not in _ORDER)
 
 
 def _pair(path: str, one: Value | None, two: Value | None) -> FieldPair:
@@ -91,11 +113,11 @@ def _shown(value: Value | None) -> Any:
     return value.item() if value.shape == () else list(value_shape(value))
 
 
-def compare_runs(first: Run, second: Run) -> list[StatePair]:
+def compare_runs(first: Run, second: Run, judge: Judge) -> list[StatePair]:
     """The states of two runs by the stages that they ended, in the order of the first run.
 
-    Two states are equal where all that was computed is, but for their places in the run. Raises StoreError
-    for a file that is not what was committed.
+    `judge` is asked about states of different hashes. Raises StoreError for a file that is not what was
+    committed.
     """
     for run in (first, second):
         for label, entry in run.entries().items():
@@ -104,11 +126,28 @@ def compare_runs(first: Run, second: Run) -> list[StatePair]:
     pairs = []
     for key in dict.fromkeys([*ours, *theirs]):
         one, two = ours.get(key), theirs.get(key)
-        equal = one is not None and two is not None and _equal(first, second, one, two)
+        if one is None or two is None:
+            judgement = Judgement(DIFFERENT)
+        elif one["content_sha256"] == two["content_sha256"]:
+            judgement = Judgement(IDENTICAL)
+        else:
+            judgement = judge(first.load(one["label"]), second.load(two["label"]))
         labels = [None if state is None else state["label"] for state in (one, two)]
         energies = (None if one is None else one["energy"], None if two is None else two["energy"])
-        pairs.append(StatePair(key[1], key[0], labels[0], labels[1], equal, energies))
+        equal = judgement.answer == IDENTICAL
+        pairs.append(StatePair(key[1], key[0], labels[0], labels[1], equal, energies, judgement))
     return pairs
+
+
+def deciding(pairs: Sequence[StatePair]) -> StatePair | None:
+    """The pair that decides how far two runs are the same, the one furthest apart; None where all are
+    identical.
+    """
+    for answer in (DIFFERENT, SAME):
+        these = [pair for pair in pairs if pair.judgement.answer == answer]
+        if these:
+            return max(these, key=lambda pair: pair.judgement.largest_relative_difference or 0.0)
+    return None
 
 
 def _by_stage(run: Run) -> dict[tuple[str, str, int], dict[str, Any]]:
@@ -120,10 +159,3 @@ def _by_stage(run: Run) -> dict[tuple[str, str, int], dict[str, Any]]:
         found[(*key, seen[key])] = state
         seen[key] += 1
     return found
-
-
-def _equal(first: Run, second: Run, one: dict[str, Any], two: dict[str, Any]) -> bool:
-    if one["content_sha256"] == two["content_sha256"]:
-        return True
-    pairs = compare_states(first.load(one["label"]), second.load(two["label"]))
-    return same_science([pair for pair in pairs if pair.path not in _ORDER])

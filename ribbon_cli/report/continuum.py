@@ -11,6 +11,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from ribbon_cli.digits import fixed
+
 MISSING = "-"
 
 
@@ -198,7 +200,7 @@ def _places(inflections: Sequence[float]) -> str:
 def _size(value: float | None, limit: bool) -> str:
     if value is None or math.isnan(value):
         return MISSING
-    return f"{value:.6f}" if limit else f"{value:.1e}"
+    return fixed(value, 6) if limit else f"{value:.1e}"
 
 
 def _aligned(lines: Sequence[Sequence[str]], words: int) -> str:

@@ -11,6 +11,8 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
+from ribbon_cli import digits
+
 ORDER = 2
 """Theoretical order of the discrete energy, E_N = E + c2 h^2 + c4 h^4 + ... (Koldaev (2022), section 2.2)."""
 
@@ -344,15 +346,17 @@ def _second_minimum_note(
     """What |E'_N - E_2N| from another minimum's `energy` says about the number `printed`."""
     n = second.segments
     if finer is None or finer.energy is None:
-        return f"another discrete minimum has E'_{n} = {energy:.9f}, but E_{2 * n} is not known"
+        return f"another discrete minimum has E'_{n} = {digits.energy(energy)}, but E_{2 * n} is not known"
     other = abs(energy - finer.energy)
     verdict = "the printed number" if agrees_as_printed(other, printed) else "not the printed number either"
     minimum = "minimum" if second.certified else "state (without certificate)"
     branch = (
-        "" if row is None or row.energy is None else f"; the continued branch has E_{n} = {row.energy:.9f}"
+        ""
+        if row is None or row.energy is None
+        else f"; the continued branch has E_{n} = {digits.energy(row.energy)}"
     )
     return (
-        f"another discrete {minimum} has E'_{n} = {energy:.9f}, "
+        f"another discrete {minimum} has E'_{n} = {digits.energy(energy)}, "
         f"and |E'_{n} - E_{2 * n}| = {other:.6g} is {verdict}{branch}"
     )
 

@@ -9,10 +9,10 @@ from __future__ import annotations
 import csv
 import io
 import json
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, fields
 
+from ribbon_cli.digits import energy, powers, with_error
 from ribbon_cli.report.convergence import ComparisonRow, Extrapolation, Row, Table, is_at
 
 MISSING = "-"
@@ -135,16 +135,6 @@ RENDERERS: dict[str, Callable[[Table, Sequence[ComparisonRow]], str]] = {
 """Renderer by the name a user gives."""
 
 
-def with_error(value: float, error: float | None) -> str:
-    """`value +- error`, the error to two digits and the value to the same place."""
-    if error is None:
-        return f"{value:.9f} (no error bar)"
-    if error == 0.0:
-        return f"{value!r} +- 0"
-    decimals = max(0, 1 - math.floor(math.log10(error)))
-    return f"{value:.{decimals}f} +- {error:.1e}"
-
-
 def _sentence(item: Extrapolation) -> str:
     start = f"b = {item.half_width:.10g}: "
     if item.energy is None:
@@ -161,7 +151,7 @@ def _cells(row: Row) -> list[str]:
     return [
         f"{row.half_width:.10g}",
         str(row.segments),
-        _number(row.energy, ".9f"),
+        MISSING if row.energy is None else energy(row.energy),
         _number(row.delta, ".6g"),
         _number(row.ratio, ".6g"),
         _number(row.order, ".4f"),
@@ -205,7 +195,8 @@ def _record(row: Row, comparison: Sequence[ComparisonRow]) -> dict[str, object]:
 
 
 def _latex(text: str) -> str:
-    return "".join(_LATEX.get(character, character) for character in text)
+    """A text with what LaTeX would obey escaped, and powers of ten written out."""
+    return powers("".join(_LATEX.get(character, character) for character in text))
 
 
 def _latex_number(cell: str) -> str:
@@ -213,6 +204,5 @@ def _latex_number(cell: str) -> str:
     number, _, mark = cell.partition(" ")
     if number == MISSING or number in ("yes", "no"):
         return "--" if number == MISSING else number
-    mantissa, e, exponent = number.partition("e")
-    power = rf" \times 10^{{{int(exponent)}}}" if e else ""
-    return f"${mantissa}{power}$" + (f" {mark}" if mark else "")
+    written = powers(number)
+    return (written if written != number else f"${number}$") + (f" {mark}" if mark else "")

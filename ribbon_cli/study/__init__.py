@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from .refine import refine_state
     from .removal import Removal, removal_of, remove
     from .repeat import Rerun, rerun
+    from .sameness import judge, judge_runs
     from .solve import solve_config
     from .stability import Stability, arrays_of, document_of, stability_of
     from .status import RUN_STATUSES, STATE_STATUSES, standing
@@ -44,6 +45,8 @@ __all__ = [
     "document_of",
     "equilibrium_residuals",
     "given_band",
+    "judge",
+    "judge_runs",
     "multiplier_curves",
     "plan_of",
     "refine_state",
@@ -82,6 +85,8 @@ _HOMES = {
     "document_of": "stability",
     "equilibrium_residuals": "continuum",
     "given_band": "given",
+    "judge": "sameness",
+    "judge_runs": "sameness",
     "multiplier_curves": "continuum",
     "plan_of": "plan",
     "refine_state": "refine",

@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from ..model.band import State
 from ..model.problem import Problem
 from ..recipes.eversion import EversionStage
-from ..recipes.twist import TURNED_OVER, TwistStage
+from ..recipes.twist import TwistStage
 from ..solver.newton import Options, solve
 from ..solver.status import Result, Status
 from ..store import StateRecord
 from .plan import MOST_HALVINGS
 from .records import multipliers_of, state_of
+from .remedies import remedied
 from .steps import Steps
 
 Stage = TwistStage | EversionStage
+STEPS = "`steps` of the recipe"
 
 
 @dataclass(frozen=True)
@@ -64,19 +66,15 @@ class Turning:
             kept = self._solved(stage, record, failures)
             if isinstance(kept, StateRecord):
                 return kept, stage.index
-            if isinstance(stage, TwistStage) and stage.beyond_half_a_turn:
-                # Shorter steps meet the same end, and the guard says which.
-                if kept.status is not Status.LEFT_TOPOLOGY:
-                    kept = replace(kept, status=Status.LEFT_TOPOLOGY, detail=TURNED_OVER)
-                return f"{stage.name}: {kept.message}"
             if reached is None:
-                return f"{stage.name}: {kept.message}"
+                return remedied(f"{stage.name}: {kept.message}", kept.status, STEPS)
             failures.append(
                 f"a step from {self.word} {reached:.10g}/{goal.count} to {stage.index:.10g} failed, halved: "
                 f"{kept.message}"
             )
             self.steps.journal.note(failures[-1])
-        return f"no step from {self.word} {reached:.10g}/{goal.count} succeeds: {kept.message}"
+        why = f"no step from {self.word} {reached:.10g}/{goal.count} succeeds: {kept.message}"
+        return remedied(why, kept.status, STEPS)
 
     def _begin(self, stage: Stage) -> None:
         self.steps.begin(stage.name, self.ring.band.half_width, self.ring.band.segments)

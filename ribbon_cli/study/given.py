@@ -5,27 +5,42 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from ..config import Config, ConfigError, Problem
+from ..digits import significant
 from ..errors import StoreError, UsageError
 from ..model.band import Band, Discretisation, State
-from ..model.topology import linking_number
+from ..model.folding import close, facet_frames, from_state, to_state
+from ..model.topology import CLOSURE_TOLERANCE, linking_number
 from ..store import Run, StateRecord, decode, load_npz, resolve_state
 from .plan import start_width
 from .records import state_of
+
+OPEN = 1e-2
+"""Distance of the ends of a midline, in parts of the length, up to which a given state is closed: what a few
+printed digits or another discretisation leave, and little enough for fold angles to make up for."""
+
+
+class Given(NamedTuple):
+    """A state to start from in the config's length and discretisation, its name, and what was done to it."""
+
+    state: State
+    name: str
+    note: str = ""
 
 
 def given_band(config: Config, root: Path, tell: Callable[[str], object] | None = None) -> Band | None:
     """The band of the state that a config starts from, None for a recipe. Arguments and errors are those of
     `given_state`.
     """
-    return given_state(config, root, tell)[0].band if config.guess.recipe == "state" else None
+    return given_state(config, root, tell).state.band if config.guess.recipe == "state" else None
 
 
-def given_state(config: Config, root: Path, tell: Callable[[str], object] | None = None) -> tuple[State, str]:
-    """The state of `initial_guess: {state: ...}` in the config's length and discretisation, and its name.
+def given_state(config: Config, root: Path, tell: Callable[[str], object] | None = None) -> Given:
+    """The state of `initial_guess: {state: ...}`; one of an npz file that is open by up to `OPEN` is closed.
 
     The name bears a hash of the state's numbers, so that a run can tell whether it started from them. `tell`
     is called with a sentence on which state was taken, where the reference leaves a choice.
@@ -45,8 +60,8 @@ def refused(config: Config, message: str) -> ConfigError:
     return ConfigError(config.path, [Problem(guess.line, guess.column, "initial_guess.state", message)])
 
 
-def _given_state(config: Config, root: Path, tell: Callable[[str], object] | None) -> tuple[State, str]:
-    ref = config.guess.state or ""
+def _given_state(config: Config, root: Path, tell: Callable[[str], object] | None) -> Given:
+    ref, note = config.guess.state or "", ""
     run, label, path = resolve_state(root, ref, tell)
     if path.suffix == ".npz":
         try:
@@ -63,6 +78,9 @@ def _given_state(config: Config, root: Path, tell: Callable[[str], object] | Non
                 "open; start from an equilibrium"
             )
         found = state_of(record)
+    mark = _mark(found)
+    if path.suffix == ".npz":
+        found, note = _closed(found, ref)
     _check_fit(config, found, ref)
     scale = config.length / found.band.length
     band = Band(
@@ -72,7 +90,30 @@ def _given_state(config: Config, root: Path, tell: Callable[[str], object] | Non
         found.band.sigma,
         Discretisation(config.discretisation),
     )
-    return State(band, found.u, found.g, found.xi), f"{config.guess.state_as_written or ref} ({_mark(found)})"
+    return Given(
+        State(band, found.u, found.g, found.xi), f"{config.guess.state_as_written or ref} ({mark})", note
+    )
+
+
+def _closed(state: State, ref: str) -> tuple[State, str]:
+    """A state with its midline closed, and a note where that had to be done. Raises UsageError.
+
+    The fold angles are changed least (`model.folding.close`); ends further apart than `OPEN` are refused.
+    """
+    gap = float(np.linalg.norm(state.u.mean(axis=0)))
+    if gap * state.band.segments <= CLOSURE_TOLERANCE:
+        return state, ""
+    apart = f"its ends are {significant(gap, 3)} of its length apart"
+    if gap > OPEN:
+        raise UsageError(f"{ref}: not a closed band: {apart}, and up to {OPEN:g} is mended: close it first")
+    try:
+        folding = close(from_state(state), state.band.sigma)
+        closed = to_state(state.band, folding, facet_frames(state)[0])
+    except ValueError as error:  # a ClosureError among them
+        raise UsageError(f"{ref}: not a closed band: {apart}, and closing it fails: {error}") from error
+    moved = float(np.abs(closed.u - state.u).max())
+    turned = f"closed by fold angles, which turn facets by up to {significant(moved, 2)}"
+    return closed, f"{ref}: {apart}: {turned}"
 
 
 def _mark(state: State) -> str:

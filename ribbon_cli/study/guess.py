@@ -16,19 +16,20 @@ from ..store import StateRecord
 from .acceptance import converged
 from .auxiliary import Turning
 from .constructions import construct, evert
+from .given import Given
 from .plan import start_kind, start_name, start_width
 from .records import saddle_result, state_of
+from .remedies import remedied
 from .steps import Steps
 
 
-def freed_guess(steps: Steps, config: Config, given: tuple[State, str] | None) -> StateRecord | str:
+def freed_guess(steps: Steps, config: Config, given: Given | None) -> StateRecord | str:
     """Run or load the stages up to the freed guess, certified or not; a sentence if it is not reached.
 
-    `given` is the state that the config starts from, with its name.
+    `given` is the state that the config starts from.
     """
     if given is not None:
-        state, name = given
-        return _freed(steps, config, state, None, f"from {name}", parent_ref=name)
+        return _freed(steps, config, given.state, None, f"from {given.name}", given)
     guess = config.guess
     assert guess.segments is not None
     assert guess.half_width is not None
@@ -65,7 +66,7 @@ def _freed(
     state: State,
     parent: int | None,
     method: str,
-    parent_ref: str | None = None,
+    given: Given | None = None,
 ) -> StateRecord | str:
     """The equilibrium next to a guess, saddles on the way left; a sentence where the solve ends in none."""
     stage, band = start_name(config), state.band
@@ -82,8 +83,9 @@ def _freed(
     if not converged(result):
         result = _saddle_left_in_vain(steps, problem, result)
     if not converged(result):
-        return f"{stage}: {result.message}"
-    events = tuple(
+        return remedied(f"{stage}: {result.message}", result.status, "`steps` of the recipe")
+    events = tuple(filter(None, (given.note if given is not None else "",)))
+    events += tuple(
         f"met a saddle of index {s.index} at E = {s.energy:.12g}, left along its negative direction"
         for s in result.saddles
     )
@@ -96,7 +98,7 @@ def _freed(
         stage=stage,
         method=method,
         parent=parent,
-        parent_ref=parent_ref,
+        parent_ref=None if given is None else given.name,
         events=events,
     )
 

@@ -12,6 +12,7 @@ from ..store import StateRecord
 from .outcome import Course, CoursePoint
 from .plan import MOST_HALVINGS
 from .records import multipliers_of, state_of
+from .remedies import remedied
 from .steps import Steps
 
 CONTACT_ACCURACY = 1e-7
@@ -103,7 +104,7 @@ class Natural:
             self.beyond += [b] if result.status is Status.LEFT_BRANCH else []
             why = f"a step from b = {current.half_width:.12g} to {b:.12g} failed: {result.message}"
             self.journal.note(f"{name}: {why}")
-            return why
+            return remedied(why, result.status)
         return self.steps.store_move(move, result, clock, kind=kind, stage=stage, parent=current.label)
 
 

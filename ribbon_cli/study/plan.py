@@ -160,9 +160,6 @@ def plan_of(config: Config, given: tuple[float, int] | None = None) -> Plan:
 def guess_notes(config: Config) -> tuple[str, ...]:
     """What is worth knowing about an initial guess that is not wrong."""
     n, segments = abs(config.half_twists), config.guess.segments
-    if config.guess.recipe == "twist" and n > 1:
-        note = "beyond half a turn the twist tends to turn over at the seam, and then it stops"
-        return (f"{note}: schoenke makes bands of {n} half-twists" if n > 2 else note,)
     if config.guess.recipe != "schoenke" or segments is None or segments % n == 0:
         return ()
     return (

@@ -10,12 +10,13 @@ from pathlib import Path
 
 from ..config import Config, load_config
 from ..errors import RibbonError, StoreError
-from ..report.comparison import StatePair, compare_runs
+from ..report.comparison import StatePair
 from ..store import Run, configs, find_run
 from ..store.atomic import temporary_name
 from ..store.folder import CONFIG, RESOLVED
 from .outcome import Outcome
 from .progress import Progress
+from .sameness import judge_runs
 from .solve import solve_config
 
 _CROSSING = re.compile(r"branch from (\d{1,12}) side ")
@@ -58,7 +59,7 @@ def rerun(
     folder = into if into is not None else temporary_name(root / f"rerun-{run.name}")
     try:
         outcome = solve_config(config, folder, fresh=True, progress=progress, argv=argv, references=root)
-        pairs = compare_runs(run, outcome.run)
+        pairs = judge_runs(run, outcome.run)
     finally:
         if into is None:
             shutil.rmtree(folder, ignore_errors=True)

@@ -32,10 +32,12 @@ from .plan import (
     width_steps,
 )
 from .progress import Progress, Silence
+from .remedies import remedied
 from .steps import Steps
 
 if TYPE_CHECKING:
     from ..model.band import State
+    from .given import Given
 
 _COMPUTING = (".guess", ".stepping", ".contact", ".branch", "..solver.kinship")
 """Modules that compute, with all that they import. A run that lasts takes them in at once: one that is first
@@ -102,12 +104,12 @@ class _Study:
         self,
         config: Config,
         run: Run,
-        given: tuple[State, str] | None,
+        given: Given | None,
         progress: Progress,
         argv: Sequence[str],
     ) -> None:
         folder = Path(config.path).parent
-        planned = plan_of(config, None if given is None else _place(given[0])).stages
+        planned = plan_of(config, None if given is None else _place(given.state)).stages
         self.config = config
         self.given = given
         self.steps = Steps(
@@ -139,7 +141,7 @@ class _Study:
             half_width, segments = (
                 (guess.half_width or math.nan, guess.segments or 0)
                 if self.given is None
-                else _place(self.given[0])
+                else _place(self.given.state)
             )
             for b in self.config.widths or (half_width,):
                 self._missed(b, (segments, *refined_at(self.config, b)))
@@ -165,16 +167,16 @@ class _Study:
                 self._stop(found)
                 return None
             record = found
-        if given is not None and record.parent_ref != given[1]:
+        if given is not None and record.parent_ref != given.name:
             from .given import refused
 
             raise refused(
                 self.config,
-                f"now {given[1]}, but this run started from {record.parent_ref}: "
+                f"now {given.name}, but this run started from {record.parent_ref}: "
                 f"give the config another name, or start over with --fresh",
             )
         if not record.certified and not self._kept(record):
-            self._stop(f"{stage}: {record.message}")
+            self._stop(remedied(f"{stage}: {record.message}", record.status, "`steps` of the recipe"))
         return record
 
     def _stored_start(self, stage: str) -> StateRecord | None:
@@ -233,7 +235,7 @@ class _Study:
             if record is not None:
                 self.steps.begin(stage, width, current.segments)
                 if not record.certified:
-                    self._stop(f"{stage}: {record.message}")
+                    self._stop(remedied(f"{stage}: {record.message}", record.status))
                 return record
         return None
 
@@ -308,13 +310,13 @@ def _place(state: State) -> tuple[float, int]:
     return state.band.half_width, state.band.segments
 
 
-def _is_everted(config: Config, given: tuple[State, str] | None) -> bool:
+def _is_everted(config: Config, given: Given | None) -> bool:
     """Whether the config is about an everted cylinder, by its recipe or by the state it starts from."""
     if given is None:
         return config.guess.recipe == "eversion"
     from ..recipes.eversion import not_everted
 
-    return config.half_twists == 0 and not_everted(given[0]) is None
+    return config.half_twists == 0 and not_everted(given.state) is None
 
 
 def _target(record: StateRecord) -> Target:

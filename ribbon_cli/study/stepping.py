@@ -12,6 +12,7 @@ from .acceptance import converged
 from .clock import Clock
 from .plan import MOST_HALVINGS, width_name, width_steps
 from .records import multipliers_of, state_of
+from .remedies import remedied
 from .steps import Steps
 
 
@@ -53,9 +54,12 @@ def longest_step(
         near = 0.5 * (current.half_width + beyond[-1])
         return None, (
             f"the branch seems to turn back (fold) near b = {near:.6g}: natural continuation towards "
-            f"b = {b:.12g} ends, its last state is {current.label} at b = {current.half_width:.12g}"
+            f"b = {b:.12g} ends, its last state is {current.label} at b = {current.half_width:.12g}; "
+            f"`ribbon continue {steps.journal.run.short_name}:{current.label} --to {b:.12g} --arclength`, or "
+            f"`widths: {{arclength: {{to: {b:.12g}}}}}` in a config, goes on around it"
         )
     why = f"no step from b = {current.half_width:.12g} towards {b:.12g} succeeds. {result.message}"
+    why = remedied(why, result.status, "a schedule with more widths")
     if not (converged(result) and move.band.half_width == b):
         return None, why
     stage = width_name(b, visit)

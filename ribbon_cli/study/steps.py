@@ -144,14 +144,15 @@ class Steps:
         from ..solver.kinship import another_minimum
         from .acceptance import converged
         from .records import state_of
+        from .remedies import remedied
 
         try:
             move = to_segments(state_of(record), segments, self.options, splitting=splitting)
         except ClosureError as error:
-            return f"{stage}: {error}"
+            return f"{stage}: {error}: take more or fewer segments"
         result = self.checked(move.result)
         if not converged(result):
-            return f"{stage}: {result.message}"
+            return remedied(f"{stage}: {result.message}", result.status, "an N in between")
         if result.certified and record.certified:
             kin = another_minimum(state_of(record), result.state, self.options)
             move = replace(move, events=(*move.events, kin)) if kin else move

@@ -117,20 +117,20 @@ def _findings(record: StateRecord) -> Iterator[str]:
     problem = problem_of(record)
     x, multipliers = state_of(record).vector(), multipliers_of(record)
     local = problem.local_derivatives(x, multipliers)
-    gradient = lagrangian_gradient(problem, local, multipliers)
+    left = residuals(problem, local, multipliers)
     result = Result(
         status,
         x,
         multipliers,
         problem.state(x),
         problem.energy(x),
-        float(np.abs(gradient).max()),
-        float(np.abs(local.constraints / problem.weights).max()),
+        left["kkt_residual"],
+        left["constraint_residual"],
         record.negative_eigenvalues,
         record.newton_steps,
     )
     again = derive(Reached(problem, result, record.kind, record.stage, record.method, record.half_twists))
-    slack = _residual_slack(problem, local, x, multipliers)
+    slack = residual_slack(problem, local, x, multipliers)
     for name, value in again.items():
         yield from _compare(record, name, value, slack)
     yield from _kind(record, status, problem)
@@ -182,7 +182,16 @@ def problem_of(record: StateRecord) -> Problem:
     return Problem(band, Prescription(rulings, record.g_end if seam else None))
 
 
-def _residual_slack(
+def residuals(problem: Problem, local: LocalDerivatives, multipliers: Array) -> dict[str, float]:
+    """Both residuals of a point, by their names in a record."""
+    gradient = lagrangian_gradient(problem, local, multipliers)
+    return {
+        "kkt_residual": float(np.abs(gradient).max()),
+        "constraint_residual": float(np.abs(local.constraints / problem.weights).max()),
+    }
+
+
+def residual_slack(
     problem: Problem, local: LocalDerivatives, x: Array, multipliers: Array
 ) -> dict[str, float]:
     """How far rounding alone may move the residuals, by their largest terms."""

@@ -1,0 +1,87 @@
+"""Messages that say what to do next, and what is mended at once: a given band that is open."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli_support import ribbon, ribbon_json
+
+from ribbon_cli.solver.status import Status
+from ribbon_cli.study.remedies import remedied
+
+SECOND = Path(__file__).parent / "data" / "pi-b0.1-N50-second-minimum.npz"
+CONFIG = "name: band\ntopology: {half_twists: 1}\ninitial_guess: {state: open.npz}\n"
+
+
+@pytest.fixture
+def opened(tmp_path, monkeypatch):
+    """Writes a config that starts from a band with its ends so far apart, in parts of its length."""
+    monkeypatch.chdir(tmp_path)
+
+    def write(gap: float) -> None:
+        arrays = dict(np.load(SECOND))
+        u = arrays["u"] + gap * np.array([0.0, 0.6, 0.8])
+        arrays["u"] = u / np.linalg.norm(u, axis=1)[:, None]
+        np.savez("open.npz", **arrays)
+        Path("band.yaml").write_text(CONFIG)
+
+    return write
+
+
+def test_a_band_that_is_open_by_a_thousandth_is_closed_and_that_is_said(opened):
+    opened(1e-3)
+    result = ribbon("solve", "band.yaml")
+    assert result.exit_code == 0, result.output
+    assert "of its length apart: closed by fold angles, which turn facets by up to" in result.stderr
+    state = ribbon_json("show", "band:1")
+    assert any("closed by fold angles" in event for event in state["events"])
+    assert state["certified"]
+    assert state["energy"] == pytest.approx(0.972161015, abs=1e-8)
+
+
+def test_a_band_that_closes_is_taken_as_it_is(opened):
+    opened(0.0)
+    result = ribbon("solve", "band.yaml")
+    assert result.exit_code == 0, result.output
+    assert "closed by" not in result.stderr
+
+
+def test_a_band_that_is_wide_open_is_refused_with_the_number(opened):
+    opened(0.03)
+    result = ribbon("check", "band.yaml")
+    assert result.exit_code == 2
+    assert (
+        "open.npz: not a closed band: its ends are 0.025 of its length apart, and up to 0.01 is mended"
+        in result.stderr
+    )
+    assert "band.yaml:3:24: initial_guess.state: " in result.stderr
+
+
+def test_a_fold_in_a_schedule_names_the_command_that_goes_around_it(opened):
+    opened(0.0)
+    with Path("band.yaml").open("a") as config:
+        config.write("widths: [0.1, 0.12]\nspectrum: {modes: 0, full_up_to: 0}\n")
+    result = ribbon("solve", "band.yaml", "-q")
+    assert result.exit_code == 3
+    assert "the branch seems to turn back (fold) near b = 0.112" in result.stderr
+    assert "`widths: {arclength: {to: 0.12}}` in a config" in result.stderr
+    (command,) = re.findall("`ribbon (continue [^`]*)`", result.stderr)
+    assert command.endswith("--to 0.12 --arclength")
+    document = ribbon_json(*command.split(), "--stop-at", "fold")
+    assert document["end"]["reason"] == "fold"
+
+
+@pytest.mark.parametrize("status", [s for s in Status if s not in (Status.MINIMUM, Status.CONSTRUCTED)])
+def test_every_status_that_is_no_success_says_what_to_do(status):
+    message = remedied(status.sentence, status, "`steps` of the recipe")
+    assert message.startswith(f"{status.sentence} ")
+    assert message.endswith(".")
+
+
+def test_passing_through_itself_names_steps_mesh_and_recipe():
+    message = remedied(Status.LEFT_TOPOLOGY.sentence, Status.LEFT_TOPOLOGY, "`steps` of the recipe")
+    for word in ("smaller steps (`steps` of the recipe)", "more segments N", "another recipe"):
+        assert word in message
