@@ -36,7 +36,8 @@ def lines(data: bytes, key: str = "class") -> list[tuple[dict[str, str], np.ndar
             ends = np.array([[float(item.get(f"x{k}")), float(item.get(f"y{k}"))] for k in (1, 2)])
             ends = (ends - [origin["origin_x"], origin["origin_y"]]) * [1, -1]
             found.append((dict(item.attrib), ends))
-    return found
+    # Layers hold folds of a kind; along the strip they alternate.
+    return sorted(found, key=lambda line: int(line[0].get("data-node", 0)))
 
 
 def folded(folds, glue, half_width: float, length: float) -> tuple[np.ndarray, np.ndarray]:
