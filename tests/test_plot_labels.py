@@ -20,6 +20,7 @@ from ribbon_cli.plot.branches import arclength_figure
 from ribbon_cli.plot.curves import geometry_figure, multipliers_figure
 from ribbon_cli.plot.flat import FEW_FOLDS, draw_pattern
 from ribbon_cli.plot.kinds import Source, draw
+from ribbon_cli.plot.labels import panel_titles
 from ribbon_cli.plot.levels import convergence_figure, draw_spectra, spectrum_figure, spectrum_of
 from ribbon_cli.plot.pictures import family_figure
 from ribbon_cli.plot.style import STYLES, styled
@@ -282,12 +283,14 @@ def test_texts_of_a_state_are_no_formulas(solved, tmp_path):  # noqa: F811
     """A stage or status with dollar signs is text; as a formula it might be none."""
     state = replace(states_of(solved, "mobius", "auxiliary")[-1], certified=False, status="a $_{$ b")
     path, other = tmp_path / "odd $_{$.h5", tmp_path / "odd $_{$ too.h5"
-    path.write_bytes(encode(replace(state, stage="c $_{$ d")))
-    other.write_bytes(encode(replace(state, stage="e")))
+    stages = [replace(state, stage="c $_{$ d"), replace(state, stage="e")]
+    for file, record in zip((path, other), stages, strict=True):
+        file.write_bytes(encode(record))
+    assert panel_titles(stages, (), 20) == [r"c \$_{\$ d", "e"]
     for more in ((), ("--with", other)):
         result = ribbon("plot", path, "shape", *more, "-o", tmp_path / "x.svg", "--overwrite")
         assert result.exit_code == 0, result.stderr
-    assert "c $_{$ d" in (tmp_path / "x.svg").read_text(encoding="utf-8")
+    assert ">odd $_{$ too.h5" in (tmp_path / "x.svg").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("form", ["obj", "ply", "csv"])

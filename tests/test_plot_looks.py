@@ -174,21 +174,21 @@ def test_a_picture_is_as_wide_as_asked_and_its_letters_legible(kind, width, solv
     assert figure.get_figwidth() * 25.4 == pytest.approx(width, rel=1e-12)
     with styled(style):  # ticks are chosen by the style's letters
         figure.draw_without_rendering()
-    page = figure.bbox
-    for text in figure.findobj(lambda artist: hasattr(artist, "get_fontsize") and artist.get_visible()):
-        if not text.get_text():
-            continue
-        assert text.get_fontsize() >= 6.0
-    for axes in figure.axes:
-        box = axes.get_tightbbox()
-        if box is not None and axes.axison:
-            assert page.x0 - 1 <= box.x0
-            assert box.x1 <= page.x1 + 1
-    for legend in figure.legends:
-        box = legend.get_window_extent()
-        assert page.x0 <= box.x0
-        assert box.x1 <= page.x1
-        assert all(not axes.get_window_extent().overlaps(box) for axes in figure.axes)
+        page = figure.bbox
+        for text in figure.findobj(lambda artist: hasattr(artist, "get_fontsize") and artist.get_visible()):
+            if not text.get_text():
+                continue
+            assert text.get_fontsize() >= 6.0
+        for axes in figure.axes:
+            box = axes.get_tightbbox()
+            if box is not None and axes.axison:
+                assert page.x0 - 1 <= box.x0
+                assert box.x1 <= page.x1 + 1
+        for legend in figure.legends:
+            box = legend.get_window_extent()
+            assert page.x0 <= box.x0
+            assert box.x1 <= page.x1
+            assert all(not axes.get_window_extent().overlaps(box) for axes in figure.axes)
 
 
 def test_files_are_as_wide_as_asked(solved, tmp_path):  # noqa: F811

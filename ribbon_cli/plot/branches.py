@@ -35,8 +35,10 @@ MARKS = {
 """Name and marker of a point by its type."""
 DWARFED = 100.0
 """Ratio of the largest eigenvalue to the median beyond which a linear scale shows most as zero."""
-NUMBER = (1.6, 1.6)
-"""Room for a branch's number across and up, in sizes of its letters: nearer ends have theirs together."""
+NUMBER = 1.6
+"""Room for a branch's number, in sizes of its letters: nearer ends have theirs together."""
+ROW_SHARE = 0.4
+"""Height of a row of panels as a part of the width."""
 TITLES = ("$E / E_{ring}$", "lowest eigenvalue", "clearance")
 
 
@@ -49,7 +51,7 @@ def arclength_figure(
     eigenvalue by label of a start that is no point of a branch. Dashes tell how many directions lead down,
     colours, small marks and numbers at their ends the branches, open marks folds, branch points and contact.
     """
-    figure, places = panels(style, 3, 3, 0.4)
+    figure, places = panels(style, 3, 3, ROW_SHARE)
     used: set[int | None] = set()
     ends: list[list[tuple[float, float]]] = [[] for _ in places]
     for k, points in enumerate(courses.values()):
@@ -76,16 +78,16 @@ def arclength_figure(
     places[2].set_ylim(bottom=0.0)
     if len(courses) > 1:
         for axes, end in zip(places, ends, strict=True):
-            _number(figure, axes, end, style)
+            _number(axes, end, style)
     handles = _names(courses, style) + meanings(used, [p for points in courses.values() for p in points])
     legend_above(figure, handles, [str(handle.get_label()) for handle in handles], rows=0)
     return figure
 
 
-def _number(figure: Figure, axes: Axes, ends: Sequence[tuple[float, float]], style: Style) -> None:
+def _number(axes: Axes, ends: Sequence[tuple[float, float]], style: Style) -> None:
     """The branches' numbers, as the legend has them, where they end; those that end at one place together."""
     place = axes.transData + axes.transAxes.inverted()
-    room = style.font / 72 * np.array(NUMBER) / np.array(figure.get_size_inches()) * _grid(axes)
+    room = NUMBER * style.font / 72 / np.array([style.across() / _columns(axes), style.row(ROW_SHARE)])
     groups: list[tuple[np.ndarray, list[int]]] = []
     for k, end in enumerate(ends):
         if not all(map(math.isfinite, end)):
@@ -113,12 +115,10 @@ def _number(figure: Figure, axes: Axes, ends: Sequence[tuple[float, float]], sty
         )
 
 
-def _grid(axes: Axes) -> np.ndarray:
-    """Columns and rows of the panels that a panel is one of."""
-    found = axes.get_subplotspec()
-    assert found is not None
-    rows, columns = found.get_gridspec().get_geometry()
-    return np.array([columns, rows])
+def _columns(axes: Axes) -> int:
+    """How many panels stand beside each other in a panel's figure."""
+    place = axes.get_subplotspec()
+    return 1 if place is None else int(place.get_gridspec().ncols)
 
 
 def _tame(axes: Axes) -> None:
