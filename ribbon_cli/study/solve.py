@@ -32,7 +32,6 @@ from .plan import (
     width_steps,
 )
 from .progress import Progress, Silence
-from .remedies import remedied
 from .steps import Steps
 
 if TYPE_CHECKING:
@@ -176,7 +175,7 @@ class _Study:
                 f"give the config another name, or start over with --fresh",
             )
         if not record.certified and not self._kept(record):
-            self._stop(remedied(f"{stage}: {record.message}", record.status, "`steps` of the recipe"))
+            self._stop_at(stage, record, "`steps` of the recipe")
         return record
 
     def _stored_start(self, stage: str) -> StateRecord | None:
@@ -235,7 +234,7 @@ class _Study:
             if record is not None:
                 self.steps.begin(stage, width, current.segments)
                 if not record.certified:
-                    self._stop(remedied(f"{stage}: {record.message}", record.status))
+                    self._stop_at(stage, record)
                 return record
         return None
 
@@ -297,6 +296,11 @@ class _Study:
     def _stop(self, why: str) -> None:
         self.stopped = why
         self.journal.note(why)
+
+    def _stop_at(self, stage: str, record: StateRecord, steps: str = "") -> None:
+        from .remedies import remedied  # here: a finished run does without the solver's words
+
+        self._stop(remedied(f"{stage}: {record.message}", record.status, steps))
 
     def _missed(self, half_width: float, levels: Sequence[int], why: str | None = None) -> None:
         for n in levels:
