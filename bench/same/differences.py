@@ -56,7 +56,7 @@ class Compared:
 def compare(case: str, before: Observation, after: Observation) -> Compared:
     """Compare what came of a case in two builds."""
     states = states_below(before.work), states_below(after.work)
-    words = Words(before.work, states[0].values()), Words(after.work, states[1].values())
+    words = Words(before.places, states[0].values()), Words(after.places, states[1].values())
     found = list(_states(*states))
     pairs = list(zip(before.steps, after.steps, strict=True))
     for one, two in pairs:
