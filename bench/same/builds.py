@@ -99,7 +99,7 @@ def folder_build(source: Path, folder: Path) -> Build:
 
 
 def libraries() -> str:
-    """Interpreter, machine, libraries, and how long the names of folders are: results depend on these as well."""
+    """What results depend on but for the program: interpreter, machine, libraries, lengths of names."""
     versions = (f"{name} {importlib.metadata.version(name)}" for name in _LIBRARIES)
     return " ".join((sys.version, platform.machine(), platform.platform(), *versions, f"{len(gettempdir())}"))
 

@@ -190,7 +190,7 @@ def _file(name: str, one: Path, two: Path, words: tuple[Words, Words]) -> Found:
         if None in texts:
             yield "file", name, "", f"{len(data[0])} bytes and {len(data[1])} bytes differ"
         else:
-            yield from _lines("file", name, *texts)
+            yield from _lines("file", name, *(w.of(text) for w, text in zip(words, texts, strict=True)))
 
 
 def _is_ignored(path: Path) -> bool:

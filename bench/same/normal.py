@@ -17,7 +17,9 @@ _FACTS = {
 }
 _SECONDS = re.compile(r"\b\d+(?:\.\d+)? s\b")
 _TIME = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d(?:\.\d+)?(?:Z|\+00:00)?")
-_FACT_LINE = re.compile(rf"^(\s*(?:/provenance/)?(?:{'|'.join(sorted(_FACTS))})\s+)\S.*$", re.MULTILINE)
+_FACT = "|".join(sorted(_FACTS))
+_FACT_LINE = re.compile(rf"^(\s*(?:/provenance/)?(?:{_FACT})\s+)\S.*$", re.MULTILINE)
+_FACT_CELL = re.compile(rf"(<td>(?:{_FACT})</td><td>).*?(?=</td>)")
 
 
 class Words:
@@ -36,7 +38,9 @@ class Words:
     def of(self, text: str) -> str:
         """A text with what may differ replaced."""
         text = self._pattern.sub(lambda found: self.known[found[0]], text)
-        return _FACT_LINE.sub(r"\1<fact>", _TIME.sub("<time>", _SECONDS.sub("<seconds>", text)))
+        for pattern in (_FACT_LINE, _FACT_CELL):
+            text = pattern.sub(r"\1<fact>", text)
+        return _TIME.sub("<time>", _SECONDS.sub("<seconds>", text))
 
     def of_bytes(self, data: bytes) -> bytes:
         """The bytes of a file with the folder and the hashes replaced, and nothing else."""
