@@ -12,6 +12,7 @@ import tarfile
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
+from tempfile import gettempdir
 
 from .cases import ROOT, CaseError
 
@@ -98,9 +99,9 @@ def folder_build(source: Path, folder: Path) -> Build:
 
 
 def libraries() -> str:
-    """Interpreter, machine and libraries, on which the bytes of results depend as well."""
+    """What results depend on but for the program: interpreter, machine, libraries, lengths of names."""
     versions = (f"{name} {importlib.metadata.version(name)}" for name in _LIBRARIES)
-    return " ".join((sys.version, platform.machine(), platform.platform(), *versions))
+    return " ".join((sys.version, platform.machine(), platform.platform(), *versions, f"{len(gettempdir())}"))
 
 
 def _check(build: Build) -> None:

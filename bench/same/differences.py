@@ -56,7 +56,7 @@ class Compared:
 def compare(case: str, before: Observation, after: Observation) -> Compared:
     """Compare what came of a case in two builds."""
     states = states_below(before.work), states_below(after.work)
-    words = Words(before.work, states[0].values()), Words(after.work, states[1].values())
+    words = Words(before.places, states[0].values()), Words(after.places, states[1].values())
     found = list(_states(*states))
     pairs = list(zip(before.steps, after.steps, strict=True))
     for one, two in pairs:
@@ -190,7 +190,7 @@ def _file(name: str, one: Path, two: Path, words: tuple[Words, Words]) -> Found:
         if None in texts:
             yield "file", name, "", f"{len(data[0])} bytes and {len(data[1])} bytes differ"
         else:
-            yield from _lines("file", name, *texts)
+            yield from _lines("file", name, *(w.of(text) for w, text in zip(words, texts, strict=True)))
 
 
 def _is_ignored(path: Path) -> bool:

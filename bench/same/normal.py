@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
-from pathlib import Path
 from typing import Any
 
 from .states import DAMAGED, StateFile
@@ -16,21 +15,22 @@ _FACTS = {
     *("code_revision", "code_dirty", "git_revision", "git_dirty", "pid", "host", "sha256", "crc32"),
     *("config.yaml", "resolved.yaml"),
 }
-_HERE = "<here>"
 _SECONDS = re.compile(r"\b\d+(?:\.\d+)? s\b")
 _TIME = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d(?:\.\d+)?(?:Z|\+00:00)?")
-_FACT_LINE = re.compile(rf"^(\s*(?:{'|'.join(sorted(_FACTS))})\s+)\S.*$", re.MULTILINE)
+_FACT = "|".join(sorted(_FACTS))
+_FACT_LINE = re.compile(rf"^(\s*(?:/provenance/)?(?:{_FACT})\s+)\S.*$", re.MULTILINE)
+_FACT_CELL = re.compile(rf"(<td>(?:{_FACT})</td><td>).*?(?=</td>)")
 
 
 class Words:
-    """The words of one side that stand for the same thing in the other: its folder, and its states' hashes.
+    """The words of one side that stand for the same thing in the other: its folders, and its states' hashes.
 
     A state's content hash is replaced by the state's place, wherever it is printed: a state that differs is
     then told once, as that, and not again in every document that names its hash.
     """
 
-    def __init__(self, work: Path, states: Iterable[StateFile]) -> None:
-        self.known = {str(work.resolve()): _HERE, str(work): _HERE}
+    def __init__(self, places: tuple[str, str], states: Iterable[StateFile]) -> None:
+        self.known = dict(zip(places, ("<here>", "<program>"), strict=True))
         self.known |= {s.content: f"<content of {s.place}>" for s in states if s.content != DAMAGED}
         self._pattern = re.compile("|".join(map(re.escape, sorted(self.known, key=len, reverse=True))))
         self._bytes = re.compile(self._pattern.pattern.encode())
@@ -38,7 +38,9 @@ class Words:
     def of(self, text: str) -> str:
         """A text with what may differ replaced."""
         text = self._pattern.sub(lambda found: self.known[found[0]], text)
-        return _FACT_LINE.sub(r"\1<fact>", _TIME.sub("<time>", _SECONDS.sub("<seconds>", text)))
+        for pattern in (_FACT_LINE, _FACT_CELL):
+            text = pattern.sub(r"\1<fact>", text)
+        return _TIME.sub("<time>", _SECONDS.sub("<seconds>", text))
 
     def of_bytes(self, data: bytes) -> bytes:
         """The bytes of a file with the folder and the hashes replaced, and nothing else."""
@@ -48,6 +50,9 @@ class Words:
 def plain(value: Any) -> Any:
     """A document whose facts of a process are left out of comparison: they are there, whatever they say."""
     if isinstance(value, dict):
+        path = value.get("path")
+        if isinstance(path, str) and path.startswith("/provenance/"):
+            return {"path": path}  # a pair of facts that are compared
         return {key: "<fact>" if key in _FACTS else plain(item) for key, item in value.items()}
     if isinstance(value, list):
         return [plain(item) for item in value]

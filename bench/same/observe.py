@@ -31,14 +31,15 @@ class Printed:
 
 @dataclass(frozen=True)
 class Observation:
-    """What came of a case: its folder and its steps."""
+    """What came of a case: its folder and its steps; where it was run, and the tree of the program."""
 
     folder: Path
     steps: tuple[Printed, ...]
+    places: tuple[str, str]
 
     @property
     def work(self) -> Path:
-        """Where the commands were run."""
+        """What the folder of the commands became."""
         return self.folder / WORK
 
     @property
@@ -50,24 +51,28 @@ class Observation:
 def observe(case: Case, build: Build, folder: Path) -> Observation:
     """Run a case in a new folder; what is in the folder's place is removed."""
     shutil.rmtree(folder, ignore_errors=True)
-    work = folder / WORK
-    work.mkdir(parents=True)
+    folder.mkdir(parents=True)
+    # In a folder whose name is always as long: lines with it in them break at the same places.
+    work = Path(tempfile.mkdtemp(prefix="same-")).resolve()
     for name, data in case.files.items():
         path = work / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(data)
     steps = [_run(step, build, work) for step in case.steps]
-    notes = [asdict(step) for step in steps]
+    shutil.move(work, folder / WORK)
+    places = (str(work), str(build.tree))
+    notes = {"places": places, "steps": [asdict(step) for step in steps]}
     # Written last: a folder without it is of an observation that did not end.
     (folder / _NOTES).write_text(json.dumps(notes, indent=1), encoding="utf-8")
-    return Observation(folder, tuple(steps))
+    return Observation(folder, tuple(steps), places)
 
 
 def kept(folder: Path) -> Observation | None:
     """The observation in a folder, if it is whole, and of this program's making."""
     try:
         notes = json.loads((folder / _NOTES).read_text(encoding="utf-8"))
-        return Observation(folder, tuple(Printed(**step) for step in notes))
+        steps = tuple(Printed(**step) for step in notes["steps"])
+        return Observation(folder, steps, tuple(notes["places"]))
     except (FileNotFoundError, TypeError):
         return None
 
