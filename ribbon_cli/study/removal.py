@@ -28,8 +28,8 @@ def removal_of(
     """What goes with these states and branches, which are counted from 1 as `ribbon show` does.
 
     Saddles that were left on the way to a state go with it, and so does whatever came from it if
-    `dependents`. Raises UsageError for a state or branch of the config, which the next solve would compute again; for one
-    from which others came, unless these go as well; and for a branch that is not there.
+    `dependents`. Raises UsageError for a state or branch of the config, which the next solve would compute
+    again; for one from which others came, unless these go as well; and for a branch that is not there.
     """
     states = {state["label"]: state for state in run.states(all=True)}
     branches = courses(run)
