@@ -335,21 +335,16 @@ class Run:
         entries = self.entries()
         if not set(labels) <= entries.keys():
             raise ValueError(f"{self.name} has no states {sorted(set(labels) - entries.keys())}")
-        event = {
-            "event": REMOVED,
-            "time": log.utc_now(),
-            "labels": sorted(labels),
-            "branches": list(branches),
-        }
-        log.append_log(self.log_path, [event])
+        what = {"labels": sorted(labels), "branches": list(branches)}
+        log.append_log(self.log_path, [{"event": REMOVED, "time": log.utc_now(), **what}])
         try:
             for label in labels:
-                os.unlink(self.state_path(label))
+                with suppress(FileNotFoundError):
+                    os.unlink(self.state_path(label))
             sync_folder(self.path / STATES)
         except OSError as error:
-            self.remarks.append(
-                f"{self.path / STATES}: {error.strerror}: the next writer deletes what is left"
-            )
+            where = self.path / STATES
+            self.remarks.append(f"{where}: {error.strerror}: the next writer deletes what is left")
 
     def log_event(self, kind: str, **data: Any) -> None:
         """Append an event with JSON-able data to the log, durably. Raises StoreError."""
