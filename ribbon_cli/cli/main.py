@@ -19,7 +19,8 @@ from ribbon_cli.cli.group import RibbonGroup, Stopped
 from ribbon_cli.cli.output import emit, emit_json
 from ribbon_cli.cli.plot_command import plot
 from ribbon_cli.cli.report_command import report_page
-from ribbon_cli.cli.run_commands import pack, path, repair, rerun, rm, unpack
+from ribbon_cli.cli.rm_command import rm
+from ribbon_cli.cli.run_commands import pack, path, repair, rerun, unpack
 from ribbon_cli.cli.settings import Settings, common_options, pass_settings
 from ribbon_cli.cli.solve_commands import refine, solve
 from ribbon_cli.cli.spectrum_command import spectrum

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from ribbon_cli.export.words import MEETS_ITSELF
-from ribbon_cli.text import visible
+from ribbon_cli.text import ranges, visible
 
 if TYPE_CHECKING:
     from ribbon_cli.study import Course, PlannedStage, Target
@@ -205,6 +205,7 @@ def history_lines(events: Iterable[Mapping[str, Any]]) -> dict[str, str]:
         notes = event.get("notes")
         more = ": " + "; ".join(map(str, notes)) if isinstance(notes, list) and notes else ""
         label = f" {event['label']}" if "label" in event else ""
+        label += f" {ranges(event['labels'])}" if event["event"] == "states-removed" else ""
         lines[str(event["time"])] = "; ".join(
             filter(None, [lines.get(str(event["time"])), f"{event['event']}{label}{more}"])
         )

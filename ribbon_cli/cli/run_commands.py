@@ -11,7 +11,7 @@ import click
 from ribbon_cli.cli.completion import complete_any, complete_file, complete_folder, complete_run
 from ribbon_cli.cli.output import check_target, complain, emit, emit_json, emit_path, say, teller
 from ribbon_cli.cli.settings import Settings, common_options, pass_settings
-from ribbon_cli.errors import TargetError, UsageError
+from ribbon_cli.errors import TargetError
 
 if TYPE_CHECKING:
     from ribbon_cli.report.comparison import StatePair
@@ -83,42 +83,6 @@ def unpack(settings: Settings, file: str) -> None:
         emit_json({"run": run.name, "path": str(run.path), "states": len(run.entries())})
     else:
         emit(str(run.path))
-
-
-@click.command()
-@click.argument("run", shell_complete=complete_run)
-@click.option("-y", "--yes", is_flag=True, help="Do not ask.")
-@common_options
-@pass_settings
-def rm(settings: Settings, run: str, yes: bool) -> int:
-    """Delete a RUN for good, after asking."""
-    from ribbon_cli.errors import StoreError
-    from ribbon_cli.store import find_run, names_state
-
-    if names_state(run):
-        raise UsageError(f"{run}: a single state is not deleted: others have come from it; name a run")
-    found = find_run(settings.root, run)
-    try:
-        states = f"{len(found.entries())} states"
-    except StoreError:
-        states = "a damaged log"
-    if not yes and not _agreed(f"delete {found.path} with {states}?"):
-        complain(f"ribbon: {found.path} is kept")
-        return UsageError.exit_code
-    found.remove()
-    if settings.json:
-        emit_json({"run": found.name, "deleted": str(found.path)})
-    else:
-        say(settings, f"{found.path}: deleted")
-    return 0
-
-
-def _agreed(question: str) -> bool:
-    """Ask on standard error; anything but yes, and nobody to answer, is no."""
-    try:
-        return click.confirm(question, err=True)
-    except (click.Abort, OSError, RuntimeError):  # standard input may be closed
-        return False
 
 
 @click.command()

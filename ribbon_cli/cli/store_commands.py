@@ -147,7 +147,8 @@ def show(settings: Settings, ref: str) -> None:
         emit_json(document | {"branches": [asdict(course) for course in branches]})
     else:
         words = {"history": history_lines(document["history"])}
-        emit("\n\n".join([listing({**document, **words}), *map(branch_text, branches)]))
+        numbered = (f"{k}. {branch_text(course)}" for k, course in enumerate(branches, start=1))
+        emit("\n\n".join([listing({**document, **words}), *numbered]))
 
 
 def _show_state(settings: Settings, ref: str) -> dict[str, Any]:

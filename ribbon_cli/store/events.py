@@ -46,6 +46,8 @@ _LARGEST = 2**63
 """Bound of whole numbers, as in a file."""
 LABELS = 10**12
 """Bound of the labels that a line may name."""
+REMOVED = "states-removed"
+"""The event that takes states out of a run: once it is in the log they are gone, whatever files are left."""
 
 
 def check_event(entry: Any) -> dict[str, Any]:
@@ -57,6 +59,19 @@ def check_event(entry: Any) -> dict[str, Any]:
     if entry["event"] in _CHECKS:
         _CHECKS[entry["event"]](entry)
     return entry
+
+
+def removed(events: Iterable[Mapping[str, Any]]) -> dict[int, Mapping[str, Any]]:
+    """The entries of the states that were removed, by label; only what was stored before can be."""
+    there: dict[int, Mapping[str, Any]] = {}
+    gone: dict[int, Mapping[str, Any]] = {}
+    for event in events:
+        if event["event"] == "state":
+            there[event["state"]["label"]] = event
+            gone.pop(event["state"]["label"], None)
+        elif event["event"] == REMOVED:
+            gone |= {label: there.pop(label) for label in event["labels"] if label in there}
+    return gone
 
 
 def _created(entry: dict[str, Any]) -> None:
@@ -104,12 +119,21 @@ def _branch_end(entry: dict[str, Any]) -> None:
     _require(entry, _BRANCH_END, "is missing, or of another type")
 
 
+def _removed(entry: dict[str, Any]) -> None:
+    labels, branches = entry.get("labels"), entry.get("branches")
+    if not isinstance(labels, list) or not all(map(_is_label, labels)):
+        raise ValueError("it does not name states by their labels")
+    if not isinstance(branches, list) or not _are_texts(branches):
+        raise ValueError("it does not name branches")
+
+
 _CHECKS = {
     "created": _created,
     "state": _state,
     "state-lost": _lost,
     "ended": _ended,
     "branch-end": _branch_end,
+    REMOVED: _removed,
 }
 
 

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 from ribbon_cli.errors import StoreError, UsageError
 from ribbon_cli.store import log
 from ribbon_cli.store.atomic import publish, temporary_name, write_durable, write_error
+from ribbon_cli.store.events import removed
 from ribbon_cli.store.folder import CONFIG, LOG, RESOLVED, STATES, place, state_name
 from ribbon_cli.store.hdf5 import MAX_BYTES, PACK, UNREADABLE, check_dataset, read_bytes, text_attribute
 from ribbon_cli.store.hdf5 import write_text_attribute as write_text
@@ -235,8 +236,9 @@ def _files(path: Path) -> Iterator[tuple[str, bytes]]:
             if not entries or entries[0]["event"] != "created" or not lines.endswith(b"\n"):
                 raise ValueError("its log does not begin as a run's")
             hashes = {name: entries[0]["files"][name] for name in (CONFIG, RESOLVED)}
+            gone = removed(entries)
             for entry in entries:
-                if entry["event"] == "state":
+                if entry["event"] == "state" and entry["state"]["label"] not in gone:
                     name = str(entry["file"])
                     if not _STATE.fullmatch(name.removeprefix(f"{STATES}/")):
                         raise ValueError(f"its log names the file {name!r}")

@@ -14,6 +14,7 @@ from typing import Any
 from ribbon_cli.errors import StoreError
 from ribbon_cli.store import configs, log
 from ribbon_cli.store.atomic import TEMPORARY, is_passing, put_aside, unused_name, write_atomic, write_error
+from ribbon_cli.store.events import removed
 from ribbon_cli.store.folder import (
     LOG,
     STATES,
@@ -34,9 +35,10 @@ def sweep(folder: Path, events: Sequence[Mapping[str, Any]]) -> list[str]:
     """Clear what a killed writer left in a run's folder, and return a line for each thing done.
 
     `events` are the log's, read under the lock. Temporary files go; a torn last line of the log is cut off; a
-    whole state without a line is adopted; a file that has the name of a state, no line and no whole state in
-    it is renamed to *.damaged-K. What was done is logged. Raises StoreError for a committed state or a config
-    file that is not there as it was, or when the folder cannot be written.
+    whole state without a line is adopted; the file of a state that was removed is deleted; a file that has
+    the name of a state, no line and no whole state in it is renamed to *.damaged-K. What was done is logged.
+    Raises StoreError for a committed state or a config file that is not there as it was, or when the folder
+    cannot be written.
     """
     notes: list[str] = []
     try:
@@ -49,8 +51,11 @@ def sweep(folder: Path, events: Sequence[Mapping[str, Any]]) -> list[str]:
         raise write_error(folder, error) from error
     if log.cut_torn_line(folder / LOG):
         notes.append("cut off an unfinished line of the log")
-    known = {entry["state"]["label"]: entry["state"]["kind"] for entry in events if entry["event"] == "state"}
-    files = _files(folder)
+    gone, files = removed(events), _files(folder)
+    for label in sorted(gone.keys() & files.keys()):
+        notes.append(_delete_removed(files.pop(label), gone[label]))
+    states = (entry["state"] for entry in events if entry["event"] == "state")
+    known = {state["label"]: state["kind"] for state in states if state["label"] not in gone}
     adopted, more = _adopt(files, known.keys())
     notes += more
     for label in sorted(known.keys() - files.keys())[:1]:
@@ -66,6 +71,19 @@ def sweep(folder: Path, events: Sequence[Mapping[str, Any]]) -> list[str]:
         for entry in [*adopted, {"event": "recovered", "time": log.utc_now(), "notes": notes}]:
             log.append_log(folder / LOG, [entry])
     return notes
+
+
+def _delete_removed(path: Path, entry: Mapping[str, Any]) -> str:
+    """Delete the file of a state that was removed, if it is that, and say so. Raises StoreError."""
+    try:
+        if hashlib.sha256(_read(path)).hexdigest() != entry["sha256"]:
+            raise ValueError("its state was removed, and it is another")
+        os.unlink(path)
+    except ValueError as error:
+        return f"renamed {path.name} to {put_aside(path).name}: {error}"
+    except OSError as error:
+        raise write_error(path, error) from error
+    return f"deleted {path.name}, whose state was removed"
 
 
 def _adopt(files: Mapping[int, Path], known: Collection[int]) -> tuple[list[dict[str, Any]], list[str]]:
@@ -147,7 +165,7 @@ def repair(folder: Path) -> list[str]:
     if created is None:
         entries.insert(0, created_entry(configs.present(folder)) | {"rebuilt": True})
         notes.append("made a new first line of the log")
-    kept, seen, there = [], set(), _files(folder).keys()
+    kept, seen, there, gone = [], set(), _files(folder).keys(), removed(entries)
     for entry in entries:
         if entry["event"] == "state":
             label = entry["state"]["label"]
@@ -155,6 +173,9 @@ def repair(folder: Path) -> list[str]:
                 notes.append(f"dropped a second line on state {label}")
                 continue
             seen.add(label)
+            if label in gone:  # a file that is left is the next writer's to delete
+                kept.append(entry)
+                continue
         entry, note = _checked_entry(folder, entry, there)
         kept.append(entry)
         notes += [note] if note else []

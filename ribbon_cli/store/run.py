@@ -10,7 +10,7 @@ import hashlib
 import itertools
 import os
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,7 @@ from typing import Any
 from ribbon_cli.errors import StoreError, UsageError
 from ribbon_cli.store import log
 from ribbon_cli.store.atomic import TEMPORARY, is_passing, sync_folder, write_atomic, write_error
-from ribbon_cli.store.events import LABELS
+from ribbon_cli.store.events import LABELS, REMOVED
 from ribbon_cli.store.folder import (
     CONFIG,
     LOG,
@@ -157,6 +157,9 @@ class Run:
             self._entries[label] = event
             if later:  # a state that was adopted after others
                 self._entries = dict(sorted(self._entries.items()))
+        elif event["event"] == REMOVED:
+            for label in event["labels"]:
+                self._entries.pop(label, None)
         elif event["event"] == "created":
             check_run_version(self.path, event)
 
@@ -320,6 +323,28 @@ class Run:
         with suppress(OSError, StoreError):
             if label not in self.entries():
                 os.unlink(self.state_path(label))
+
+    def remove_states(self, labels: Sequence[int], branches: Sequence[str] = ()) -> None:
+        """Take states out of the run for good, and what the log says of how these branches end.
+
+        The log's line decides: a kill before it leaves the run as it was, one behind it leaves files that the
+        next writer deletes. So does a file that cannot be deleted now, which `remarks` tells. Raises
+        ValueError for a label that the run does not have, StoreError when the line cannot be written.
+        """
+        self._require_lock()
+        entries = self.entries()
+        if not set(labels) <= entries.keys():
+            raise ValueError(f"{self.name} has no states {sorted(set(labels) - entries.keys())}")
+        what = {"labels": sorted(labels), "branches": list(branches)}
+        log.append_log(self.log_path, [{"event": REMOVED, "time": log.utc_now(), **what}])
+        try:
+            for label in labels:
+                with suppress(FileNotFoundError):
+                    os.unlink(self.state_path(label))
+            sync_folder(self.path / STATES)
+        except OSError as error:
+            where = self.path / STATES
+            self.remarks.append(f"{where}: {error.strerror}: the next writer deletes what is left")
 
     def log_event(self, kind: str, **data: Any) -> None:
         """Append an event with JSON-able data to the log, durably. Raises StoreError."""

@@ -14,6 +14,7 @@ from typing import Any
 from ribbon_cli.errors import StoreError
 from ribbon_cli.store import configs
 from ribbon_cli.store.atomic import TEMPORARY
+from ribbon_cli.store.events import removed
 from ribbon_cli.store.folder import STATES, state_files
 from ribbon_cli.store.hdf5 import decode
 from ribbon_cli.store.record import StateRecord
@@ -74,6 +75,7 @@ def _check_config(run: Run, events: list[dict[str, Any]]) -> Iterator[Finding]:
 def _leftovers(run: Run, events: list[dict[str, Any]]) -> Iterator[Finding]:
     """What a killed writer left, and what was put aside; a running writer's own files are its business."""
     known = {event["state"]["label"] for event in events if event["event"] == "state"}
+    gone = removed(events)
     if run.holder():
         return
     try:
@@ -82,6 +84,8 @@ def _leftovers(run: Run, events: list[dict[str, Any]]) -> Iterator[Finding]:
     except OSError as error:
         yield Finding(str(run.path / STATES), f"cannot be read: {error.strerror}")
         return
+    for label in sorted(files.keys() & gone.keys()):
+        yield Finding(str(files[label]), "its state was removed: the next writer deletes it", note=True)
     for label in sorted(files.keys() - known):
         yield Finding(str(files[label]), "was not committed: the next writer looks at it", note=True)
     for path in names:

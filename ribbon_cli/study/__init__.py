@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from .plan import Plan, PlannedStage, plan_of
     from .progress import Progress
     from .refine import refine_state
+    from .removal import Removal, removal_of, remove
     from .repeat import Rerun, rerun
     from .solve import solve_config
     from .stability import Stability, arrays_of, document_of, stability_of
@@ -29,6 +30,7 @@ __all__ = [
     "Plan",
     "PlannedStage",
     "Progress",
+    "Removal",
     "Rerun",
     "SpectralTable",
     "Stability",
@@ -45,6 +47,8 @@ __all__ = [
     "multiplier_curves",
     "plan_of",
     "refine_state",
+    "removal_of",
+    "remove",
     "rerun",
     "run_spectra",
     "run_table",
@@ -64,6 +68,7 @@ _HOMES = {
     "Plan": "plan",
     "PlannedStage": "plan",
     "Progress": "progress",
+    "Removal": "removal",
     "Rerun": "repeat",
     "SpectralTable": "mode_limits",
     "Stability": "stability",
@@ -80,6 +85,8 @@ _HOMES = {
     "multiplier_curves": "continuum",
     "plan_of": "plan",
     "refine_state": "refine",
+    "removal_of": "removal",
+    "remove": "removal",
     "rerun": "repeat",
     "run_spectra": "mode_limits",
     "run_table": "table",

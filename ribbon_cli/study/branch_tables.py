@@ -6,11 +6,13 @@ from collections.abc import Mapping
 from typing import Any
 
 from ..store import Run, summary
+from ..store.events import REMOVED
 from .outcome import Course, CoursePoint
 
 ENDED = "branch-end"
 """The event of the log that says why a branch ends."""
 GOES_ON = "unfinished"
+_UNFINISHED = "It was interrupted, or points of it were removed: the same command goes on."
 
 
 def course_point(state: Mapping[str, Any]) -> CoursePoint:
@@ -37,7 +39,13 @@ def courses(run: Run) -> tuple[Course, ...]:
         state = summary(entry)
         if state.get("branch"):
             states.setdefault(state["branch"]["name"], []).append(state)
-    ends = {event["branch"]: event for event in run.events() if event["event"] == ENDED}
+    ends: dict[str, dict[str, Any]] = {}
+    for event in run.events():
+        if event["event"] == ENDED:
+            ends[event["branch"]] = event
+        elif event["event"] == REMOVED:
+            for name in event["branches"]:
+                ends.pop(name, None)
     return tuple(
         _course(name, states.get(name, []), ends.get(name)) for name in dict.fromkeys((*states, *ends))
     )
@@ -50,5 +58,5 @@ def _course(name: str, states: list[dict[str, Any]], end: Mapping[str, Any] | No
     )
     start = int(end["start"]) if end else int(states[0]["parent"])
     if end is None:
-        return Course(name, start, tuple(points), GOES_ON, points[-1].half_width, "It was interrupted.")
+        return Course(name, start, tuple(points), GOES_ON, points[-1].half_width, _UNFINISHED)
     return Course(name, start, tuple(points), end["reason"], end["half_width"], end["message"])

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import LockedError, StoreError
 from ..store import Run, StateRecord
+from ..store.events import removed
 from ..store.provenance import config_facts
 from .clock import Clock, Origin
 from .outcome import Outcome
@@ -100,7 +101,7 @@ class Journal:
         return [name for _, name in sorted(found)]
 
     def lacks(self, prefix: str) -> bool:
-        """Whether a state was lost, and not stored again, whose stage has a name that begins so."""
+        """Whether a state was lost or removed, and not stored again, whose stage's name begins so."""
         return any(stage.startswith(prefix) and stage not in self._ends for stage in self._lost)
 
     def note(self, text: str) -> None:
@@ -177,7 +178,10 @@ class Journal:
 
 
 def _lost_stages(run: Run) -> set[str]:
-    """Stages of the states that `ribbon repair` marked as lost; their lines were not looked at closely."""
-    lost = (event.get("state") for event in run.events() if event["event"] == "state-lost")
+    """Stages of the states that were removed, or that `ribbon repair` marked as lost, whose lines were not
+    looked at closely.
+    """
+    lost = [event.get("state") for event in run.events() if event["event"] == "state-lost"]
+    lost += [entry["state"] for entry in removed(run.events()).values()]
     stages = (state.get("stage") for state in lost if isinstance(state, dict))
     return {stage for stage in stages if isinstance(stage, str)}
