@@ -110,7 +110,6 @@ def _number(axes: Axes, ends: Sequence[tuple[float, float]], style: Style) -> No
             va="bottom" if at[1] < 0.9 else "top",
             color=branch_look(members[0])["color"] if len(members) == 1 else INK,
             fontsize=0.9 * style.font,
-            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 0.4},
             zorder=5,
         )
 
