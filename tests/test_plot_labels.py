@@ -148,7 +148,7 @@ def test_rows_of_other_meshes_have_legends_of_their_own(solved):  # noqa: F811
     assert legend(spectrum_figure([[fine], [alike]], STYLE, ["one", "other"]))
 
 
-def test_branches_are_numbered_where_they_end():
+def test_branches_are_numbered_in_the_legend():
     def course(*places: tuple[float, float]) -> list[dict]:
         return [
             {"label": k, "half_width": b, "energy": e, "length": 6.28, "clearance": 0.1}
@@ -159,9 +159,8 @@ def test_branches_are_numbered_where_they_end():
     up, mirrored = course((0.1, 0.2), (0.2, 0.5)), course((0.1, 0.2), (0.2, 0.5))
     down = course((0.1, 0.2), (0.05, 0.1))
     figure = arclength_figure({"up": up, "down": down, "mirrored": mirrored}, {}, STYLE)
-    assert [text.get_text() for text in figure.axes[0].texts] == ["1, 3", "2"]
     assert legend(figure)[:3] == ["1 up", "2 down", "3 mirrored"]
-    assert not arclength_figure({"up": up}, {}, STYLE).axes[0].texts
+    assert not figure.axes[0].texts  # which would hide curves
 
 
 def test_the_contact_drawn_is_that_of_the_mesh_drawn(solved, monkeypatch):  # noqa: F811

@@ -35,8 +35,6 @@ MARKS = {
 """Name and marker of a point by its type."""
 DWARFED = 100.0
 """Ratio of the largest eigenvalue to the median beyond which a linear scale shows most as zero."""
-NUMBER = 1.6
-"""Room for a branch's number, in sizes of its letters: nearer ends have theirs together."""
 ROW_SHARE = 0.4
 """Height of a row of panels as a part of the width."""
 TITLES = ("$E / E_{ring}$", "lowest eigenvalue", "clearance")
@@ -49,11 +47,10 @@ def arclength_figure(
 
     `courses` are summaries of states by the name of the branch, from its start on; `starts` the lowest
     eigenvalue by label of a start that is no point of a branch. Dashes tell how many directions lead down,
-    colours, small marks and numbers at their ends the branches, open marks folds, branch points and contact.
+    colours and small marks the branches, open marks folds, branch points and contact.
     """
     figure, places = panels(style, 3, 3, ROW_SHARE)
     used: set[int | None] = set()
-    ends: list[list[tuple[float, float]]] = [[] for _ in places]
     for k, points in enumerate(courses.values()):
         b = np.array([p["half_width"] for p in points])
         energy = np.array([p["energy"] for p in points], dtype=float)
@@ -61,14 +58,12 @@ def arclength_figure(
         lowest = np.array([_eigenvalue(p, starts) for p in points])
         clearance = np.array([p["clearance"] for p in points], dtype=float)
         look = branch_look(k) if len(courses) > 1 else {"color": PALETTE[0]}
-        for axes, values, end in zip(places, (energy / ring, lowest, clearance), ends, strict=True):
+        for axes, values in zip(places, (energy / ring, lowest, clearance), strict=True):
             used |= draw_course(axes, points, b, values, look["color"], style)
             if len(courses) > 1:
                 first, step = spread(k, len(points))
                 axes.plot(b[first::step], values[first::step], linestyle="", zorder=3, **look)
             mark_points(axes, points, b, values, look["color"], style)
-            last = np.flatnonzero(~np.isnan(values))[-1:]
-            end += [(float(b[j]), float(values[j])) for j in last] or [(math.nan, math.nan)]
     for axes, title in zip(places, TITLES, strict=True):
         axes.set_title(title, loc="left")
         axes.set_xlabel("$b$")
@@ -76,48 +71,9 @@ def arclength_figure(
     _tame(places[1])
     places[1].axhline(0.0, color=LIGHT_GREY, linewidth=0.6, zorder=0)
     places[2].set_ylim(bottom=0.0)
-    if len(courses) > 1:
-        for axes, end in zip(places, ends, strict=True):
-            _number(axes, end, style)
     handles = _names(courses, style) + meanings(used, [p for points in courses.values() for p in points])
     legend_above(figure, handles, [str(handle.get_label()) for handle in handles], rows=0)
     return figure
-
-
-def _number(axes: Axes, ends: Sequence[tuple[float, float]], style: Style) -> None:
-    """The branches' numbers, as the legend has them, where they end; those that end at one place together."""
-    place = axes.transData + axes.transAxes.inverted()
-    room = NUMBER * style.font / 72 / np.array([style.across() / _columns(axes), style.row(ROW_SHARE)])
-    groups: list[tuple[np.ndarray, list[int]]] = []
-    for k, end in enumerate(ends):
-        if not all(map(math.isfinite, end)):
-            continue
-        at = place.transform(end)
-        group = next((g for g in groups if (np.abs(g[0] - at) < room).all()), None)
-        if group is None:
-            groups.append((at, [k]))
-        else:
-            group[1].append(k)
-    for at, members in groups:
-        # Towards the middle of the panel, so that it stays inside.
-        side = -1 if at[0] > 0.5 else 1
-        axes.annotate(
-            ", ".join(str(k + 1) for k in members),
-            ends[members[0]],
-            xytext=(3 * side, 3 if at[1] < 0.9 else -3),
-            textcoords="offset points",
-            ha="right" if side < 0 else "left",
-            va="bottom" if at[1] < 0.9 else "top",
-            color=branch_look(members[0])["color"] if len(members) == 1 else INK,
-            fontsize=0.9 * style.font,
-            zorder=5,
-        )
-
-
-def _columns(axes: Axes) -> int:
-    """How many panels stand beside each other in a panel's figure."""
-    place = axes.get_subplotspec()
-    return 1 if place is None else int(place.get_gridspec().ncols)
 
 
 def _tame(axes: Axes) -> None:
