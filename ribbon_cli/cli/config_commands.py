@@ -50,7 +50,7 @@ def init(settings: Settings, template: str, output: str | None, listing: bool) -
 
 
 @click.command()
-@click.option("-o", "--output", metavar="PATH", shell_complete=complete_file, help="Write it to a file, and print its path.")
+@click.option("-o", "--output", metavar="PATH", shell_complete=complete_file, help="Write to a file.")
 @click.option("--overwrite", is_flag=True, help="Replace a file that exists.")
 @common_options
 @pass_settings

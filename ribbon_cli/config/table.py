@@ -12,7 +12,7 @@ from ribbon_cli.config.recipes import HALF_WIDTH, RECIPES, SEGMENTS
 from ribbon_cli.config.types import METRICS, STOPS, Arclength, SpectrumRequest
 
 STATE_FILES = (".npz", ".h5")
-_SUFFIX = "|".join("".join(f"[{c}{c.upper()}]" for c in suffix[1:]) for suffix in STATE_FILES)
+_SUFFIX = "|".join("".join(f"[{c}{c.upper()}]" if c.isalpha() else c for c in s[1:]) for s in STATE_FILES)
 NAME = Text(
     "1 to 64 of the characters A-Z a-z 0-9 . _ - and begin with a letter or digit",
     "[A-Za-z0-9][A-Za-z0-9._-]*",
