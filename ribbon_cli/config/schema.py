@@ -1,10 +1,10 @@
 """The table of keys as a JSON Schema, for editors and for programs that write configs.
 
 It is of draft-07: yaml-language-server, which most editors use, knows later drafts only since version 1.20,
-and nothing that they add is needed here. Of a number that is spelled (`2*pi`), a name that looks like a number
-or a state's reference, a schema sees what YAML makes of it, the reader what is written. So the schema takes
-whatever the reader takes, and more: what ties one key to another (widths that are refined, recipes that fit
-the topology) is the reader's to see.
+and nothing that they add is needed here. Of a spelled number (`2*pi`) or a name that looks like a number a
+schema sees what YAML makes of it, the reader what is written. So the schema takes whatever the reader takes,
+and more: what ties one key to another (widths that are refined, recipes that fit the topology) is the
+reader's to see.
 """
 
 from __future__ import annotations

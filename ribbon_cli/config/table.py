@@ -27,7 +27,7 @@ LEVEL_LIST = Items(SEGMENTS, 20)  # more doublings than lie between the fewest a
 RECIPE = Key("recipe", Word(tuple(RECIPES)), "way to make the first state",
              required=f"{', '.join(RECIPES)}, or start from a state: {{state: ...}}")
 STATE = Section((
-    Key("state", Text(_STATE, rf"[^/]*|.*\.(?:{_SUFFIX})", 1024),
+    Key("state", Text(_STATE, rf"[^/\x00-\x1f]*|[^\x00-\x1f]*\.(?:{_SUFFIX})", 1024),
         "stored state to start from; the path of a file is seen from the config's folder",
         required=_STATE, examples=("my-band:12", "my-band@b=0.5,N=400", "start.npz")),
     Key("saddle", Word(("leave", "keep")),
