@@ -31,10 +31,12 @@ def rows() -> list[str]:
     merged: dict[str, list[Key]] = {}
     for path, key, _ in keys():
         merged.setdefault(path, []).append(key)
-    return [
-        f"| `{path}` | {_cell(map(_takes, found))} | {_cell(map(_default, found))} | {found[0].meaning} |"
-        for path, found in merged.items()
-    ]
+    return [_row(path, found) for path, found in merged.items()]
+
+
+def _row(path: str, found: list[Key]) -> str:
+    takes, defaults = _cell(_takes(key.takes) for key in found), _cell(_default(key) for key in found)
+    return f"| `{path}` | {takes} | {defaults} | {found[0].meaning} |"
 
 
 def _cell(texts: Iterable[str]) -> str:
@@ -56,11 +58,8 @@ def _takes(takes: Takes) -> str:
             return takes.expected.partition(" ")[2]
         case Number():
             low = f"number from {takes.low:g}" if takes.low else "number > 0"
-            return (
-                (low if takes.below is None else f"{low}, < {takes.below:g}")
-                .replace("e-0", "e-")
-                .replace("e+0", "e")
-            )
+            high = "" if takes.below is None else f", < {takes.below:g}"
+            return f"{low}{high}".replace("e-0", "e-").replace("e+0", "e")
         case Word():
             return ", ".join(f"`{choice}`" for choice in takes.choices)
         case Flag():
