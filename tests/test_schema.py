@@ -21,6 +21,8 @@ from test_faults_configs import damaged, invented
 from ribbon_cli.config import (
     RECIPES,
     SCHEMA_FILE,
+    STOPS,
+    Arclength,
     ConfigError,
     dump_resolved,
     load_config,
@@ -296,6 +298,14 @@ def test_a_default_is_what_stands_for_its_key() -> None:
     assert parse_config(as_yaml, "m.yaml").hash8() == parse_config(yaml.safe_dump(plain), "m.yaml").hash8()
     for name, steps in (("twist", 50), ("eversion", 25)):
         assert [key.default for key in RECIPES[name].keys if key.name == "steps"] == [steps]
+
+
+def test_continue_tells_the_same_defaults_and_events() -> None:
+    """Its options are a branch's keys by another door; the command's module loads no config to say so."""
+    text = " ".join(ribbon("continue", "--help").stdout.split())
+    assert f"Longest step along the branch ({Arclength.max_step})." in text
+    assert f"Steps at most ({Arclength.steps})." in text
+    assert f"[{'|'.join(STOPS)}]" in text
 
 
 STATE = "topology: {half_twists: 0}\ninitial_guess: {state: a.npz, saddle: keep}\nwidths: "
