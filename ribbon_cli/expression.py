@@ -5,9 +5,14 @@ from __future__ import annotations
 import math
 import re
 
-_MAX_CHARACTERS = 100
+MAX_CHARACTERS = 100
+"""Characters of the longest text that is read."""
 _MAX_PARENTHESES = 10  # open at once: bounds the recursion
-_TOKEN = re.compile(r"(?:(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|pi)(?![.\w])|[-+*/()]")
+_NUMBER = r"(?:(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|pi)"
+_TOKEN = re.compile(rf"{_NUMBER}(?![.\w])|[-+*/()]")
+_OPERAND = rf" *(?:(?:[+-] *)?\( *)*(?:[+-] *)?(?!0[0-9]){_NUMBER} *(?:\) *)*"
+PATTERN = rf"^{_OPERAND}(?:[-+*/]{_OPERAND})*$"
+"""What `evaluate` takes, but for parentheses that do not pair, for programs that know patterns alone."""
 
 
 class ExpressionError(ValueError):
@@ -20,8 +25,8 @@ def evaluate(text: str) -> float:
     The result is finite. Raises ExpressionError for anything else, among them the spellings that YAML
     1.1 reads in its own way (`010` octal, `1_000`, `1:30`).
     """
-    if len(text) > _MAX_CHARACTERS:
-        raise ExpressionError(f"longer than {_MAX_CHARACTERS} characters")
+    if len(text) > MAX_CHARACTERS:
+        raise ExpressionError(f"longer than {MAX_CHARACTERS} characters")
     parser = _Parser(_tokens(text))
     value = parser.sum(0)
     if parser.next:

@@ -10,7 +10,7 @@ from typing import Any
 import yaml
 
 ROOT = Path(__file__).parent.parent
-TEST_TOOLS = ("pytest", "hypothesis", "sympy")
+TEST_TOOLS = ("pytest", "hypothesis", "jsonschema", "sympy")
 """What the tests import beside the dependencies; the other tools of [dev] run in one version only, those that
 read exports among them."""
 

@@ -1,7 +1,8 @@
-"""`ribbon init` and `ribbon check`: configs before anything is solved."""
+"""`ribbon init`, `ribbon check` and `ribbon schema`: configs before anything is solved."""
 
 from __future__ import annotations
 
+import os
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -27,7 +28,7 @@ def init(settings: Settings, template: str, output: str | None, listing: bool) -
 
     TEMPLATE is mobius-pi unless given; --list shows which there are.
     """
-    from ribbon_cli.config import templates
+    from ribbon_cli.config import SCHEMA_FILE, templates
     from ribbon_cli.errors import UsageError
     from ribbon_cli.store import suggest, write_atomic
 
@@ -43,6 +44,36 @@ def init(settings: Settings, template: str, output: str | None, listing: bool) -
     write_atomic(path, known[template].encode())
     emit_json({"path": path, "template": template}) if settings.json else emit(path)
     say(settings, f"written; `ribbon check {path}` tells what it will do")
+    beside = os.path.join(os.path.dirname(path), SCHEMA_FILE)
+    if not os.path.lexists(beside):
+        say(settings, f"`ribbon schema -o {beside}` lets editors check and complete it")
+
+
+@click.command()
+@click.option("-o", "--output", metavar="PATH", shell_complete=complete_file, help="Write to a file.")
+@click.option("--overwrite", is_flag=True, help="Replace a file that exists.")
+@common_options
+@pass_settings
+def schema(settings: Settings, output: str | None, overwrite: bool) -> None:
+    """Print the JSON Schema of configs, for editors.
+
+    Templates name the file ribbon.schema.json beside them in their first line, which VS Code, Neovim and
+    other editors with yaml-language-server read:
+
+    \b
+      ribbon schema -o ribbon.schema.json
+    """
+    import json
+
+    from ribbon_cli.config import schema as schema_of_configs
+    from ribbon_cli.store import write_atomic
+
+    if output is None:
+        emit_json(schema_of_configs())
+        return
+    check_target(output, overwrite)
+    write_atomic(output, (json.dumps(schema_of_configs(), indent=2) + "\n").encode(), overwrite=overwrite)
+    emit_json({"path": output}) if settings.json else emit(output)
 
 
 @click.command()

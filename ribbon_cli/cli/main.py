@@ -12,7 +12,7 @@ import click
 
 from ribbon_cli.cli.compare_command import compare
 from ribbon_cli.cli.completion import SHELLS, register_bash, script
-from ribbon_cli.cli.config_commands import check, init
+from ribbon_cli.cli.config_commands import check, init, schema
 from ribbon_cli.cli.continue_command import continue_
 from ribbon_cli.cli.export_command import export
 from ribbon_cli.cli.group import RibbonGroup, Stopped
@@ -104,7 +104,7 @@ def completion(settings: Settings, shell: str | None) -> None:
 _COMMANDS = (
     *(init, check, solve, refine, continue_, convergence_table, spectrum),
     *(ls, show, compare, path, verify, repair, rerun, pack, unpack, rm),
-    *(plot, export, report_page, completion),
+    *(plot, export, report_page, schema, completion),
 )
 for _command in _COMMANDS:
     cli.add_command(_command)

@@ -3,6 +3,7 @@
 from ribbon_cli.config.parse import load_config, parse_config
 from ribbon_cli.config.problems import ConfigError, Problem
 from ribbon_cli.config.recipes import RECIPES
+from ribbon_cli.config.schema import SCHEMA_FILE, schema
 from ribbon_cli.config.templates import templates
 from ribbon_cli.config.types import (
     STOPS,
@@ -16,6 +17,7 @@ from ribbon_cli.config.types import (
 
 __all__ = [
     "RECIPES",
+    "SCHEMA_FILE",
     "STOPS",
     "Arclength",
     "Config",
@@ -27,5 +29,6 @@ __all__ = [
     "dump_resolved",
     "load_config",
     "parse_config",
+    "schema",
     "templates",
 ]

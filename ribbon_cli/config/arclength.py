@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from itertools import combinations
 
 from ribbon_cli.config.document import Node
-from ribbon_cli.config.reader import Limit, Reader, close, got
+from ribbon_cli.config.reader import Found, Limit, Reader, close, got
+from ribbon_cli.config.table import ARCLENGTH, BRANCH, RANGE
 from ribbon_cli.config.types import STOPS, Arclength, Guess
-
-MAX_STEPS = 100_000
-MAX_SWITCH = 5
-MAX_AT = 1000
-LARGEST_STEP = 1.0
-_KEYS = ("to", "back_to", "both", "at", "max_step", "steps", "stop_at", "switch")
 
 
 def is_arclength(node: Node | None) -> bool:
@@ -26,84 +22,46 @@ def is_arclength(node: Node | None) -> bool:
 
 def arclength(reader: Reader, node: Node, limit: Limit | None, guess: Guess) -> Arclength | None:
     """What the branch is followed for; None with what is wrong recorded."""
-    found = reader.mapping(
-        node,
-        "widths",
-        ("arclength",),
-        refused=dict.fromkeys(
-            ("from", "to", "steps"), "does not go with arclength: give it inside of arclength"
-        ),
-    )
-    inner = found.get("arclength")
+    refused = "does not go with arclength: give it inside of arclength"
+    inner = reader.section(
+        node, "widths", BRANCH, dict.fromkeys((key.name for key in RANGE.keys), refused)
+    ).nodes.get("arclength")
     if inner is None:
         return None
     field = "widths.arclength"
-    given = reader.mapping(inner, field, _KEYS, required={"to": "the half-width to go towards"})
-    widths = {
-        key: reader.positive(given[key], f"{field}.{key}", limit) if key in given else None
-        for key in ("to", "back_to")
-    }
-    at = _widths_at(reader, given["at"], f"{field}.at", limit) if "at" in given else ()
-    default = Arclength(1.0)
-    both = (
-        reader.word(given["both"], f"{field}.both", ("true", "false")) == "true" if "both" in given else False
-    )
-    if both and "back_to" not in given:
-        reader.report(given["both"], f"{field}.both", "needs back_to, the half-width to go to the other way")
-    step = default.max_step
-    if "max_step" in given:
-        above = (LARGEST_STEP, "the longest step along a branch")
-        step = reader.positive(given["max_step"], f"{field}.max_step", above) or step
-    counts = {
-        key: reader.integer(given[key], f"{field}.{key}", low, high) if key in given else None
-        for key, low, high in (("steps", 1, MAX_STEPS), ("switch", 0, MAX_SWITCH))
-    }
-    stops = _stops(reader, given["stop_at"], f"{field}.stop_at") if "stop_at" in given else ()
-    if widths["to"] is None:
+    found = reader.section(inner, field, ARCLENGTH)
+    to, back_to = found.read("to", limit), found.read("back_to", limit)
+    at = _widths_at(reader, found.items("at", limit))
+    both: bool | None = found.read("both")
+    if both and "back_to" not in found.nodes:
+        needed = "needs back_to, the half-width to go to the other way"
+        reader.report(found.nodes["both"], found.path("both"), needed)
+    rest = {name: found.read(name) for name in ("max_step", "steps", "switch")}
+    chosen = {word for _, _, word in found.items("stop_at")}
+    if to is None:
         return None
-    _check_apart(reader, given, widths, guess, field)
-    return Arclength(
-        to=widths["to"],
-        back_to=widths["back_to"],
-        both=both,
-        at=at,
-        max_step=step,
-        steps=counts["steps"] or default.steps,
-        stop_at=stops,
-        switch=counts["switch"] or 0,
-    )
+    _check_apart(reader, found, (to, back_to), guess)
+    stops = tuple(word for word in STOPS if word in chosen)
+    return Arclength(to, back_to, bool(both), at, stop_at=stops, **rest)
 
 
-def _check_apart(
-    reader: Reader, given: dict[str, Node], widths: dict[str, float | None], guess: Guess, field: str
-) -> None:
+def _check_apart(reader: Reader, found: Found, ends: tuple[float, float | None], guess: Guess) -> None:
     """Start, `to` and `back_to` must differ."""
-    named = [
-        ("the guess's half_width", guess.half_width),
-        ("to", widths["to"]),
-        ("back_to", widths["back_to"]),
-    ]
+    named = [("the guess's half_width", guess.half_width), ("to", ends[0]), ("back_to", ends[1])]
     for (first, one), (second, other) in combinations(named, 2):
         if one is not None and other is not None and close(one, other):
             # A branch that comes back may end at the width it began at.
             if second == "back_to" and first != "to":
                 continue
-            reader.report(
-                given[second], f"{field}.{second}", f"must differ from {first}, got {got(given[second])}"
-            )
+            node = found.nodes[second]
+            reader.report(node, found.path(second), f"must differ from {first}, got {got(node)}")
 
 
-def _widths_at(reader: Reader, node: Node, field: str, limit: Limit | None) -> tuple[float, ...]:
+def _widths_at(reader: Reader, items: Iterable[tuple[Node, str, float | None]]) -> tuple[float, ...]:
     chosen: list[float] = []
-    for item, path in reader.items(node, field, MAX_AT):
-        value = reader.positive(item, path, limit)
+    for item, path, value in items:
         if value is not None and any(close(value, other) for other in chosen):
             reader.report(item, path, f"must be given once, got {got(item)} again")
         elif value is not None:
             chosen.append(value)
     return tuple(sorted(chosen))
-
-
-def _stops(reader: Reader, node: Node, field: str) -> tuple[str, ...]:
-    chosen = {reader.word(item, path, STOPS) for item, path in reader.items(node, field, len(STOPS))}
-    return tuple(word for word in STOPS if word in chosen)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 from pathlib import Path
 
 from ribbon_cli.config import sections
@@ -12,25 +11,8 @@ from ribbon_cli.config.document import MAX_BYTES, Node, position, read_document
 from ribbon_cli.config.guess import initial_guess
 from ribbon_cli.config.problems import Problems, near_miss, shown
 from ribbon_cli.config.reader import Limit, Reader
+from ribbon_cli.config.table import CONFIG, NAME, TOPOLOGY
 from ribbon_cli.config.types import Config
-
-KEYS = (
-    "name",
-    "topology",
-    "length",
-    "discretisation",
-    "initial_guess",
-    "widths",
-    "refinement",
-    "spectrum",
-    "contact",
-)
-_REQUIRED = {
-    "topology": "{half_twists: 1} for a Moebius band, 0 for a cylinder",
-    "initial_guess": "a recipe, as {recipe: twist, segments: 50, half_width: 0.1}",
-}
-_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
-_NAME_RULE = "1 to 64 of the characters A-Z a-z 0-9 . _ - and begin with a letter or digit"
 
 
 def load_config(path: str | os.PathLike[str]) -> Config:
@@ -57,12 +39,15 @@ def parse_config(text: str, path: str | os.PathLike[str]) -> Config:
     if root is None:
         raise problems.error()
     reader = Reader(problems)
-    top = reader.mapping(root, "", KEYS, required=_REQUIRED)
-    name = _name(reader, top.get("name"), root, path)
-    half_twists = sections.topology(reader, top.get("topology"))
-    length = sections.length(reader, top.get("length"))
+    found = reader.section(root, "", CONFIG)
+    top = found.nodes
+    name = found.read("name") if "name" in top else _stem(reader, root, path)
+    half_twists: int | None = None
+    if "topology" in top:
+        half_twists = reader.section(top["topology"], "topology", TOPOLOGY).read("half_twists")
+    length: float | None = found.read("length")
     limit: Limit | None = None if length is None else (length, "the band's length")
-    discretisation = sections.choice(reader, top, "discretisation", ("thesis", "value-average"))
+    discretisation = found.read("discretisation")
     guess = initial_guess(reader, top.get("initial_guess"), half_twists, limit, os.path.dirname(path))
     given = top.get("widths")
     branch = arclength(reader, given, limit, guess) if given is not None and is_arclength(given) else None
@@ -81,7 +66,7 @@ def parse_config(text: str, path: str | os.PathLike[str]) -> Config:
             "keep goes with a branch, widths: {arclength: {to: ...}}: other schedules pass among minima",
         )
     spectrum = sections.spectrum(reader, top.get("spectrum"))
-    contact = sections.choice(reader, top, "contact", ("record", "stop"))
+    contact = found.read("contact")
     if problems.found or half_twists is None or length is None or widths is None:
         raise problems.error()
     return Config(
@@ -100,18 +85,13 @@ def parse_config(text: str, path: str | os.PathLike[str]) -> Config:
     )
 
 
-def _name(reader: Reader, node: Node | None, root: Node, path: str) -> str:
-    """The run's name, by default the file's stem; it becomes a folder's, so no path can hide in it."""
-    if node is None:
-        stem = Path(path).stem
-        if not _NAME.fullmatch(stem):
-            problem = f"is missing, and the file's {stem[:40]!a} cannot stand for it"
-            reader.report(root, "name", f"{problem}: give {_NAME_RULE}")
-        return stem
-    name = reader.text(node, "name", _NAME_RULE)
-    if name is not None and not _NAME.fullmatch(name):
-        reader.wrong(node, "name", f"must be {_NAME_RULE}")
-    return name or ""
+def _stem(reader: Reader, root: Node, path: str) -> str:
+    """The file's stem, a run's name by default; it becomes a folder's, so no path can hide in it."""
+    stem = Path(path).stem
+    if not NAME.fits(stem):
+        problem = f"is missing, and the file's {stem[:40]!a} cannot stand for it"
+        reader.report(root, "name", f"{problem}: give {NAME.expected}")
+    return stem
 
 
 def _read(file: str, problems: Problems) -> bytes:

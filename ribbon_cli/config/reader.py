@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterator, Mapping
+from typing import Any
 
 from ribbon_cli.config.document import Node
+from ribbon_cli.config.keys import Flag, Integer, Items, Number, Section, Takes, Text, Word
 from ribbon_cli.config.problems import Problems, near_miss, shown
 from ribbon_cli.expression import ExpressionError, evaluate
 
@@ -14,7 +16,7 @@ _INTEGER = re.compile(r"[+-]?(?:0|[1-9][0-9]{0,17})")
 _BOOLEANS = frozenset({"yes", "no", "true", "false", "on", "off"})  # to YAML 1.1
 _NULLS = frozenset({"", "~", "null", "Null", "NULL"})
 _QUOTED = 40  # characters of a quoted text in a message
-_NUMBER = "a number such as 0.5, 1e-3, 2*pi or pi/30"
+NUMBER = "a number such as 0.5, 1e-3, 2*pi or pi/30"
 _NOT_FINITE = re.compile(r"[+-]?\.?(?:inf|nan)", re.IGNORECASE)
 
 _NONE: Mapping[str, str] = {}
@@ -53,27 +55,17 @@ class Reader:
         """Record a problem at `node`."""
         self._problems.add(node.line, node.column, field, message)
 
-    def mapping(
-        self,
-        node: Node,
-        field: str,
-        known: Iterable[str],
-        *,
-        required: Mapping[str, str] = _NONE,
-        refused: Mapping[str, str] = _NONE,
-        what: str = "",
-    ) -> dict[str, Node]:
-        """The values of a mapping by key; an empty dict where the node is none.
+    def section(self, node: Node, field: str, section: Section, refused: Mapping[str, str] = _NONE) -> Found:
+        """The values of a section by key; none where the node is no mapping.
 
-        Keys must be `known` and given once, with a value. `required` says for a key that must be there
-        what to give, `refused` for one that must not be there why. A key with a problem, or whose name
-        was most likely misspelt, has an invalid node. `what` names the owner of the keys in messages.
+        Keys must be the section's and given once, with a value. `refused` says for a key that must not be
+        there why. A key with a problem, or whose name was most likely misspelt, has an invalid node.
         """
-        known = tuple(known)
+        known = tuple(key.name for key in section.keys)
+        found: dict[str, Node] = {}
         if node.kind != "mapping":
             self.wrong(node, field, f"must be a mapping {{{', '.join(f'{key}: ...' for key in known)}}}")
-            return {}
-        found: dict[str, Node] = {}
+            return Found(self, field, section, found)
         first_line: dict[str, int] = {}
         prefix = f"{field}." if field else ""
         for key, value in zip(node.items[::2], node.items[1::2], strict=True):
@@ -88,7 +80,7 @@ class Reader:
             if key.text in refused:
                 self.report(key, path, refused[key.text])
             elif key.text not in known:
-                self._unknown(key, path, known, what, found)
+                self._unknown(key, path, known, section.name, found)
             elif is_null(value):
                 self.report(key, path, "has no value: give one, or leave the key out")
                 found[key.text] = Node(key.line, key.column, "invalid")
@@ -96,10 +88,10 @@ class Reader:
                 found[key.text] = value
         # A section made of nothing but unknown keys was meant as something else altogether.
         misunderstood = field != "" and not found and bool(first_line)
-        for name, give in required.items():
-            if name not in found and not misunderstood:
-                self.report(node, prefix + name, f"is missing: give {give}")
-        return found
+        for wanted in section.keys:
+            if wanted.required and wanted.name not in found and not misunderstood:
+                self.report(node, prefix + wanted.name, f"is missing: give {wanted.required}")
+        return Found(self, field, section, found)
 
     def _unknown(
         self, key: Node, path: str, known: tuple[str, ...], what: str, found: dict[str, Node]
@@ -112,22 +104,41 @@ class Reader:
         self.report(key, path, f"unknown key{owner}: did you mean {meant}?")
         found.setdefault(meant, Node(key.line, key.column, "invalid"))
 
-    def items(self, node: Node, field: str, at_most: int) -> list[tuple[Node, str]]:
-        """The items of a list, each with its field path; empty where there are none to read."""
+    def items(
+        self, node: Node, field: str, takes: Items, limit: Limit | None = None
+    ) -> Iterator[tuple[Node, str, Any]]:
+        """The items of a list, each with its field path and its value; none where there are none to read."""
         if node.kind != "list":
             self.wrong(node, field, "must be a list")
         elif not node.items:
             self.report(node, field, "must have at least one item, got an empty list")
-        elif len(node.items) > at_most:
-            self.report(node, field, f"must have at most {at_most} items, got {len(node.items)}")
+        elif len(node.items) > takes.at_most:
+            self.report(node, field, f"must have at most {takes.at_most} items, got {len(node.items)}")
         else:
-            return [(item, f"{field}[{index}]") for index, item in enumerate(node.items)]
-        return []
+            for index, item in enumerate(node.items):
+                path = f"{field}[{index}]"
+                yield item, path, self.read(item, path, takes.of, limit)
 
-    def positive(self, node: Node, field: str, below: Limit | None = None, low: float = 0.0) -> float | None:
-        """A finite number > 0, less than `below` and not less than `low`."""
+    def read(self, node: Node, field: str, takes: Takes, limit: Limit | None = None) -> Any:
+        """A single value of the kind that a key takes; a number may have a further `limit`."""
+        match takes:
+            case Integer():
+                return self._integer(node, field, takes)
+            case Number():
+                return self._number(node, field, takes, limit)
+            case Word():
+                return self._word(node, field, takes.choices)
+            case Flag():
+                word = self._word(node, field, ("true", "false"))
+                return None if word is None else word == "true"
+            case Text():
+                return self._text(node, field, takes)
+        raise TypeError(f"{field}: is no single value")
+
+    def _number(self, node: Node, field: str, takes: Number, limit: Limit | None) -> float | None:
+        below = limit if takes.below is None else (takes.below, takes.limit)
         if node.kind != "scalar" or node.quoted or node.text in _NULLS or node.text.lower() in _BOOLEANS:
-            self.wrong(node, field, f"must be {_NUMBER}")
+            self.wrong(node, field, f"must be {NUMBER}")
             return None
         if _NOT_FINITE.fullmatch(node.text):
             self.wrong(node, field, "must be finite")
@@ -135,31 +146,28 @@ class Reader:
         try:
             value = evaluate(node.text)
         except ExpressionError as error:
-            self.report(node, field, f"must be {_NUMBER}, got {got(node)} ({error})")
+            self.report(node, field, f"must be {NUMBER}, got {got(node)} ({error})")
             return None
         if value <= 0.0:
             self.wrong(node, field, "must be > 0")
             return None
-        if value < low:
-            self.wrong(node, field, f"must be at least {low:g}")
+        if value < takes.low:
+            self.wrong(node, field, f"must be at least {takes.low:g}")
             return None
         if below is not None and value >= below[0]:
             self.wrong(node, field, f"must be < {below[0]:g}, {below[1]}")
             return None
         return value
 
-    def integer(self, node: Node, field: str, low: int, high: int) -> int | None:
-        """An integer from `low` to `high`, in decimal digits."""
+    def _integer(self, node: Node, field: str, takes: Integer) -> int | None:
         if node.kind == "scalar" and not node.quoted and _INTEGER.fullmatch(node.text):
             value = int(node.text)
-            if low <= value <= high:
+            if takes.low <= value <= takes.high:
                 return value
-        self.wrong(node, field, f"must be an integer from {low} to {high}")
+        self.wrong(node, field, f"must be an integer from {takes.low} to {takes.high}")
         return None
 
-    def word(self, node: Node, field: str, choices: Iterable[str]) -> str | None:
-        """One of `choices`."""
-        choices = tuple(choices)
+    def _word(self, node: Node, field: str, choices: tuple[str, ...]) -> str | None:
         if node.kind == "scalar" and node.text in choices:
             return node.text
         meant = near_miss(node.text, choices) if node.kind == "scalar" else None
@@ -168,17 +176,45 @@ class Reader:
             self.report(node, field, f"must be {_or(choices)}, got {got(node)}{hint}")
         return None
 
-    def text(self, node: Node, field: str, expected: str) -> str | None:
-        """A scalar's text, whatever YAML would take it for; not empty, and printable."""
-        if node.kind == "scalar" and not is_null(node) and node.text and node.text.isprintable():
-            return node.text
-        self.wrong(node, field, f"must be {expected}")
+    def _text(self, node: Node, field: str, takes: Text) -> str | None:
+        text = node.text
+        if node.kind == "scalar" and not is_null(node) and text.isprintable() and takes.fits(text):
+            return text
+        self.wrong(node, field, f"must be {takes.expected}")
         return None
 
     def wrong(self, node: Node, field: str, expected: str) -> None:
         """Record `expected` and what stands there instead, unless the node is on record already."""
         if node.kind != "invalid":
             self.report(node, field, f"{expected}, got {got(node)}")
+
+
+class Found:
+    """What a section of the document holds; `nodes` has the values that were given by key."""
+
+    def __init__(self, reader: Reader, field: str, section: Section, nodes: dict[str, Node]) -> None:
+        self.nodes = nodes
+        self._reader = reader
+        self._field = field
+        self._keys = {key.name: key for key in section.keys}
+
+    def path(self, name: str) -> str:
+        """The field path of a key."""
+        return f"{self._field}.{name}" if self._field else name
+
+    def read(self, name: str, limit: Limit | None = None) -> Any:
+        """A key's value, its default where it is not given; None where it is wrong, on record."""
+        key = self._keys[name]
+        if name in self.nodes:
+            return self._reader.read(self.nodes[name], self.path(name), key.takes, limit)
+        spelled = isinstance(key.takes, Number) and isinstance(key.default, str)
+        return evaluate(key.default) if spelled else key.default
+
+    def items(self, name: str, limit: Limit | None = None) -> Iterator[tuple[Node, str, Any]]:
+        """The items of a list, as `Reader.items` gives them; none where there is no such key."""
+        takes = self._keys[name].takes
+        if name in self.nodes and isinstance(takes, Items):
+            yield from self._reader.items(self.nodes[name], self.path(name), takes, limit)
 
 
 def close(a: float, b: float) -> bool:

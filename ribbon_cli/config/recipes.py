@@ -7,70 +7,62 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from ribbon_cli.config.keys import Integer, Key, Number
 
-@dataclass(frozen=True)
-class Count:
-    """An integer setting from `low` to `high`, even where `even`; required where `default` is None."""
-
-    low: int
-    high: int
-    default: int | None = None
-    even: bool = False
-
-    @property
-    def expected(self) -> str:
-        """What to give, in words."""
-        return f"an {'even ' if self.even else ''}integer from {self.low} to {self.high}"
-
-
-@dataclass(frozen=True)
-class HalfWidth:
-    """A half-width b, 0 < b < length; required."""
-
-    default: None = None
-    expected: str = "the half-width to start from"
-
-
-Setting = Count | HalfWidth
-
-
-SEGMENTS = Count(8, 100_000)
+SEGMENTS = Integer(8, 100_000)
+EVEN_SEGMENTS = replace(SEGMENTS, even=True)
+STEPS = Integer(1, 10_000)
+HALF_WIDTH = Number(unit="length")
 
 
 @dataclass(frozen=True)
 class Recipe:
-    """The settings of one recipe, and the half-twists it can make: `fits`, in words `half_twists`.
+    """The keys of one recipe and what it does; the half-twists it can make: `fits`, in words `half_twists`.
 
     For n of them it needs at least `fewest(n)` segments, and a half-width below `widest(n)` times the length.
     """
 
-    settings: dict[str, Setting]
+    keys: tuple[Key, ...]
+    about: str
     fits: Callable[[int], bool]
     half_twists: str
     fewest: Callable[[int], int] = lambda _: SEGMENTS.low
     widest: Callable[[int], float] = lambda _: 1.0
 
 
-_EVEN = Count(SEGMENTS.low, SEGMENTS.high, even=True)
-_WIDTH = HalfWidth()
-_MESH: dict[str, Setting] = {"segments": SEGMENTS, "half_width": _WIDTH}
+def _segments(takes: Integer = SEGMENTS) -> Key:
+    return Key("segments", takes, "number N of facets", required=takes.expected, examples=(50,))
+
+
+def _steps(default: int) -> Key:
+    return Key("steps", STEPS, "auxiliary problems on the way to the first state", default)
+
+
+_WIDTH = Key(
+    "half_width", HALF_WIDTH, "half-width b of the first state", required="the half-width to start from"
+)
 
 RECIPES: dict[str, Recipe] = {
-    "cylinder": Recipe(_MESH, lambda n: n == 0, "0"),
+    "cylinder": Recipe(
+        (_segments(), _WIDTH), "a regular polygon with rulings along the axis", lambda n: n == 0, "0"
+    ),
     "twist": Recipe(
-        {**_MESH, "steps": Count(1, 10_000, default=50)},
+        (_segments(), _WIDTH, _steps(50)),
+        "a cylinder cut open, one end turned by half a turn, and closed again",
         lambda n: abs(n) == 1,  # beyond half a turn the band turns over at the seam: recipes.twist
         "1 or -1",
     ),
     "eversion": Recipe(
-        {"segments": _EVEN, "half_width": _WIDTH, "steps": Count(1, 10_000, default=25)},
+        (_segments(EVEN_SEGMENTS), _WIDTH, _steps(25)),
+        "a cylinder of which half is turned inside out",
         lambda n: n == 0,
         "0",
     ),
     "schoenke": Recipe(
-        _MESH,
+        (_segments(), _WIDTH),
+        "a construction of flat and cylindrical pieces, for 3 half-twists and more",
         lambda n: abs(n) >= 3,
         "3 or more, or -3 or less",
         lambda n: 8 * abs(n),

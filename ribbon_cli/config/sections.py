@@ -6,52 +6,18 @@ after it can still be checked for what does not depend on it.
 
 from __future__ import annotations
 
-import math
 from bisect import bisect_left
-from collections.abc import Mapping
+from collections.abc import Iterable
 from itertools import pairwise
+from typing import Any
 
 from ribbon_cli.config.document import Node
 from ribbon_cli.config.reader import Limit, Reader, close, got
-from ribbon_cli.config.recipes import SEGMENTS
+from ribbon_cli.config.table import LEVEL_LIST, LEVELS_AT, RANGE, REFINEMENT, SPECTRUM, WIDTH_LIST, WIDTHS
 from ribbon_cli.config.types import METRICS, Guess, Refinement, SpectrumRequest
 
-MAX_WIDTHS = 10_000
-MAX_HALF_TWISTS = 100
-_LENGTHS = (1e-9, 1e9)  # keeps lengths, widths and their powers far from overflow
-_MAX_LEVELS = 20  # more doublings than lie between the fewest and the most segments
-_WIDTHS = (
-    "a list as [0.1, 0.2, 0.5], a range as {from: 0.1, to: 1.5, steps: 28} "
-    "or a branch as {arclength: {to: 0.2}}"
-)
-_LEVELS = "a list as [50, 100, 200], or {levels: [50, 100, 200], at: [0.5]}"
-
-Found = Mapping[str, Node]
-"""The values of a mapping by key."""
-
-
-def topology(reader: Reader, node: Node | None) -> int | None:
-    """The number of half-twists, with its sign."""
-    if node is None:
-        return None
-    required = {"half_twists": "0 for a cylinder, 1 or -1 for a Moebius band"}
-    value = reader.mapping(node, "topology", ("half_twists",), required=required).get("half_twists")
-    if value is None:
-        return None
-    return reader.integer(value, "topology.half_twists", -MAX_HALF_TWISTS, MAX_HALF_TWISTS)
-
-
-def length(reader: Reader, node: Node | None) -> float | None:
-    """The midline's length, 2 pi where the config does not say."""
-    if node is None:
-        return 2.0 * math.pi
-    return reader.positive(node, "length", low=_LENGTHS[0], below=(_LENGTHS[1], "the limit for a length"))
-
-
-def choice(reader: Reader, found: Found, key: str, choices: tuple[str, ...]) -> str:
-    """One of `choices`, the first where the config does not say."""
-    node = found.get(key)
-    return (reader.word(node, key, choices) if node else None) or choices[0]
+ListItems = Iterable[tuple[Node, str, Any]]
+"""What `Reader.items` gives."""
 
 
 def widths(reader: Reader, node: Node | None, limit: Limit | None, guess: Guess) -> tuple[float, ...] | None:
@@ -61,37 +27,35 @@ def widths(reader: Reader, node: Node | None, limit: Limit | None, guess: Guess)
     if node.kind == "mapping":
         return _width_range(reader, node, limit)
     if node.kind == "scalar":
-        reader.report(node, "widths", f"must be {_WIDTHS}, got {got(node)}")
+        reader.report(node, "widths", f"must be {WIDTHS.expected}, got {got(node)}")
         return None
-    items = reader.items(node, "widths", MAX_WIDTHS)
-    values = [reader.positive(item, field, limit) for item, field in items]
-    for (item, field), before, value in zip(items[1:], values, values[1:], strict=False):
+    items = list(reader.items(node, "widths", WIDTH_LIST, limit))
+    for (_, _, before), (item, field, value) in pairwise(items):
         if before is not None and value is not None and close(before, value):
             reader.report(item, field, f"must differ from the width before it, got {got(item)} again")
-    known = tuple(value for value in values if value is not None)
-    return known if known and len(known) == len(values) else None
+    known = tuple(value for _, _, value in items if value is not None)
+    return known if known and len(known) == len(items) else None
 
 
 def _width_range(reader: Reader, node: Node, limit: Limit | None) -> tuple[float, ...] | None:
     """b_j = from + j (to - from)/steps, j = 0..steps: the schedule (3.2)-(3.3) of Koldaev (2022)."""
-    required = {"from": "the first half-width", "to": "the last half-width", "steps": "the number of steps"}
-    found = reader.mapping(node, "widths", required, required=required)
-    first, last = (
-        reader.positive(found[key], f"widths.{key}", limit) if key in found else None
-        for key in ("from", "to")
-    )
-    steps = reader.integer(found["steps"], "widths.steps", 1, MAX_WIDTHS - 1) if "steps" in found else None
+    found = reader.section(node, "widths", RANGE)
+    first, last = found.read("from", limit), found.read("to", limit)
+    steps: int | None = found.read("steps")
     if first is None or last is None:
         return None
     if close(first, last):
-        reader.report(found["to"], "widths.to", f"must differ from widths.from, got {got(found['to'])}")
+        node = found.nodes["to"]
+        reader.report(node, "widths.to", f"must differ from widths.from, got {got(node)}")
         return None
     if steps is None:
         return None
     # The last one exactly as written, whatever the rounding of the formula.
     values = (*(first + j * (last - first) / steps for j in range(steps)), last)
     if any(close(a, b) for a, b in pairwise(values)):
-        reader.report(found["steps"], "widths.steps", f"must leave the widths apart, got {steps}: take fewer")
+        reader.report(
+            found.nodes["steps"], "widths.steps", f"must leave the widths apart, got {steps}: take fewer"
+        )
         return None
     return values
 
@@ -103,24 +67,20 @@ def refinement(
     if node is None:
         return Refinement((guess.segments,) if guess.segments is not None else ())
     if node.kind == "scalar":
-        reader.report(node, "refinement", f"must be {_LEVELS}, got {got(node)}")
+        reader.report(node, "refinement", f"must be {REFINEMENT.expected}, got {got(node)}")
         return Refinement(())
     if node.kind != "mapping":
-        return Refinement(_levels(reader, node, "refinement", guess.segments))
-    required = {"levels": "the numbers of segments"}
-    found = reader.mapping(node, "refinement", ("levels", "at"), required=required)
-    levels: tuple[int, ...] = ()
-    if "levels" in found:
-        levels = _levels(reader, found["levels"], "refinement.levels", guess.segments)
-    at = _refined_widths(reader, found["at"], known_widths) if "at" in found else None
+        return Refinement(_levels(reader, reader.items(node, "refinement", LEVEL_LIST), guess.segments))
+    found = reader.section(node, "refinement", LEVELS_AT)
+    levels = _levels(reader, found.items("levels"), guess.segments)
+    at = _refined_widths(reader, found.items("at"), known_widths) if "at" in found.nodes else None
     return Refinement(levels, at)
 
 
-def _levels(reader: Reader, node: Node, field: str, first: int | None) -> tuple[int, ...]:
+def _levels(reader: Reader, items: ListItems, first: int | None) -> tuple[int, ...]:
     levels: list[int] = []
     expected, reason = first, "the guess's segments"
-    for item, path in reader.items(node, field, _MAX_LEVELS):
-        level = reader.integer(item, path, SEGMENTS.low, SEGMENTS.high)
+    for item, path, level in items:
         if level is not None and expected is not None and level != expected:
             reader.report(item, path, f"must be {expected}, {reason}, got {level}")
         if level is not None:
@@ -129,12 +89,11 @@ def _levels(reader: Reader, node: Node, field: str, first: int | None) -> tuple[
     return tuple(levels)
 
 
-def _refined_widths(reader: Reader, node: Node, known: tuple[float, ...] | None) -> tuple[float, ...]:
+def _refined_widths(reader: Reader, items: ListItems, known: tuple[float, ...] | None) -> tuple[float, ...]:
     """The widths to refine, as they stand in `known`; not checked against it where that is None."""
     chosen: dict[float, None] = {}
     ordered = sorted(known or ())
-    for item, field in reader.items(node, "refinement.at", MAX_WIDTHS):
-        value = reader.positive(item, field)
+    for item, field, value in items:
         if value is None or known is None:
             continue
         place = bisect_left(ordered, value)
@@ -153,25 +112,19 @@ def _refined_widths(reader: Reader, node: Node, known: tuple[float, ...] | None)
 
 def spectrum(reader: Reader, node: Node | None) -> SpectrumRequest:
     """How much of the eigen-spectrum to store."""
-    default = SpectrumRequest()
     if node is None:
-        return default
-    found = reader.mapping(node, "spectrum", ("modes", "full_up_to", "metrics"))
-    modes: int | None = default.modes
-    full_up_to: int | None = default.full_up_to
-    if "modes" in found:
-        modes = reader.integer(found["modes"], "spectrum.modes", 0, 1000)
-    if "full_up_to" in found:
-        full_up_to = reader.integer(found["full_up_to"], "spectrum.full_up_to", 0, 2000)
-    metrics = _metrics(reader, found["metrics"]) if "metrics" in found else default.metrics
-    return SpectrumRequest(modes or 0, full_up_to or 0, metrics)
+        return SpectrumRequest()
+    found = reader.section(node, "spectrum", SPECTRUM)
+    metrics = (
+        _metrics(reader, found.items("metrics")) if "metrics" in found.nodes else SpectrumRequest.metrics
+    )
+    return SpectrumRequest(found.read("modes"), found.read("full_up_to"), metrics)
 
 
-def _metrics(reader: Reader, node: Node) -> tuple[str, ...]:
+def _metrics(reader: Reader, items: ListItems) -> tuple[str, ...]:
     """The metrics asked for, in the one order that they are kept in."""
     chosen: set[str] = set()
-    for item, field in reader.items(node, "spectrum.metrics", len(METRICS)):
-        metric = reader.word(item, field, METRICS)
+    for item, field, metric in items:
         if metric in chosen:
             reader.report(item, field, f"must be given once, got {metric} again")
         elif metric is not None:
