@@ -19,7 +19,7 @@ _SECONDS = re.compile(r"\b\d+(?:\.\d+)? s\b")
 _TIME = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d(?:\.\d+)?(?:Z|\+00:00)?")
 _FACT = "|".join(sorted(_FACTS))
 _FACT_LINE = re.compile(rf"^(\s*(?:/provenance/)?(?:{_FACT})\s+)\S.*$", re.MULTILINE)
-_FACT_CELL = re.compile(rf"(<td>(?:{_FACT})</td><td>).*?(?=</td>)")
+_FACT_CELL = re.compile(rf"(<td>(?:{_FACT})[^<]*</td><td>).*?(?=</td>)")
 
 
 class Words:
