@@ -98,11 +98,11 @@ class Followed:
 
     def _lines(self) -> list[str]:
         """A line on each branch."""
-        return [
-            f"{c.name}: {len(c.points)} points, ends at b = {c.half_width:.12g} ({c.reason}): {c.message}"
-            + _contacts(c)
-            for c in self.branches
-        ]
+        lines = []
+        for c in self.branches:
+            points = f"{len(c.points)} point{'s' * (len(c.points) != 1)}{_contacts(c)}"
+            lines.append(f"{c.name}: {points}, ends at b = {c.half_width:.12g} ({c.reason}): {c.message}")
+        return lines
 
     def __repr__(self) -> str:
         return visible(f"<followed in {self.run.name}: {'; '.join(self._lines())}>")
