@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+import pickle
 import shutil
 import subprocess
 import sys
@@ -269,6 +270,21 @@ def test_a_state_is_its_record_and_knows_its_place(stored):
     assert (state.path, state.run.path, state.choice) == (stored.state_path(1), stored.path, "")
     with pytest.raises(dataclasses.FrozenInstanceError):
         state.energy = 0.0
+
+
+def test_a_state_goes_to_another_process_without_its_runs_log(stored):
+    state = stored.at(b=1.0)
+    sent = pickle.dumps(state)
+    assert b"twist 1/2" not in sent
+    there = pickle.loads(sent)
+    assert (there.label, there.choice, there.path) == (state.label, state.choice, state.path)
+    assert there.run.at(b=1.0).energy == state.energy
+
+
+def test_a_changed_copy_has_no_place(stored):
+    copy = dataclasses.replace(stored.at(b=1.0), energy=7.0)
+    assert (copy.energy, copy.run, copy.choice) == (7.0, None, "")
+    assert "E = 7," in repr(copy)
 
 
 def test_a_state_outside_of_a_run_is_drawn_and_not_refined(stored, tmp_path):

@@ -6,6 +6,7 @@ import operator
 import os
 import warnings
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from ribbon_cli.api.opening import path_text, runs_text
@@ -148,6 +149,10 @@ class OpenRun(Run):
         from ribbon_cli.api.drawing import Named
 
         return Named(self.name, self)
+
+    def __reduce__(self) -> tuple[type[Self], tuple[Path]]:
+        """To another process it goes by its folder, and its log is read there."""
+        return type(self), (self.path,)
 
     def __repr__(self) -> str:
         from ribbon_cli.api.display import run_text

@@ -32,12 +32,13 @@ class OpenState(StateRecord):
     """A `StateRecord` that knows its file and its run: it can be drawn, refined, followed and exported.
 
     `path` is its file, `run` its run, None outside of one. `choice` says which state was taken, and why that
-    one, where the reference to it left a choice; else it is empty.
+    one, where the reference to it left a choice; else it is empty. A copy with other values, as
+    `dataclasses.replace` makes it, has neither run nor file.
     """
 
-    path: Path
-    run: OpenRun | None
-    choice: str
+    path: Path = Path()
+    run: OpenRun | None = None
+    choice: str = ""
 
     @classmethod
     def of(cls, record: StateRecord, run: Run | None, path: Path, choice: str = "") -> Self:
