@@ -42,11 +42,11 @@ def dataset(run: OpenRun, grid: bool | None, modes: int) -> Dataset:
         raise StoreError("; ".join(damage_in_words(run, lost)))
     if not states:
         raise UsageError(no_equilibria(run))
-    widths = _widths(states)
+    widths, places = _widths(states)
     meshes = sorted({state["segments"] for state in states})
     cells: dict[Cell, list[dict[str, Any]]] = {}
     for state in states:
-        place = (_place(widths, state["half_width"]), meshes.index(state["segments"]))
+        place = (places[state["half_width"]], meshes.index(state["segments"]))
         cells.setdefault(place, []).append(state)
     if grid is None:
         grid = all(len(group) == 1 for group in cells.values())
@@ -77,18 +77,15 @@ def dataset(run: OpenRun, grid: bool | None, modes: int) -> Dataset:
     return made
 
 
-def _widths(states: Sequence[Mapping[str, Any]]) -> list[float]:
-    """Half-widths in ascending order, those that `@b=` takes for one only once."""
+def _widths(states: Sequence[Mapping[str, Any]]) -> tuple[list[float], dict[float, int]]:
+    """Half-widths in ascending order, those that `@b=` takes for one only once; and the place of each."""
     found: list[float] = []
+    places: dict[float, int] = {}
     for b in sorted(float(state["half_width"]) for state in states):
         if not found or b - found[-1] > WIDTH_TOLERANCE * b:
             found.append(b)
-    return found
-
-
-def _place(widths: Sequence[float], b: float) -> int:
-    """Number of the half-width nearest to b."""
-    return min(range(len(widths)), key=lambda k: abs(widths[k] - b))
+        places[b] = len(found) - 1
+    return found, places
 
 
 def _facts(chosen: Mapping[Cell, Mapping[str, Any]], shape: Cell, grid: bool) -> dict[str, NDArray[Any]]:

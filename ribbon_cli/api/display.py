@@ -12,6 +12,9 @@ from typing import TYPE_CHECKING, Any
 from ribbon_cli import digits
 from ribbon_cli.errors import RibbonError
 from ribbon_cli.export.words import MEETS_ITSELF, verdict
+from ribbon_cli.pages import html
+from ribbon_cli.plot.figure import reference, state_caption
+from ribbon_cli.store import content_sha256
 from ribbon_cli.text import visible
 
 if TYPE_CHECKING:
@@ -24,18 +27,12 @@ SHOWN = 12
 
 def state_text(state: OpenState) -> str:
     """A state in a line."""
-    from ribbon_cli.plot.figure import state_caption
-
     taken = f"; {state.choice}" if state.choice else ""
     return visible(f"<state {state_caption((state,), state.run_name)}{taken}>")
 
 
 def state_html(state: OpenState) -> str:
     """A state as a small table."""
-    from ribbon_cli.pages import html
-    from ribbon_cli.plot.figure import reference
-    from ribbon_cli.store import content_sha256
-
     linking = "Tw + Wr" if state.seam_open else "Lk"
     rows: list[tuple[str, html.Cell]] = [
         ("certificate", (verdict(state), _mark(state.certified and state.kind != "auxiliary"))),
@@ -66,8 +63,6 @@ def run_text(run: OpenRun) -> str:
 
 def run_html(run: OpenRun) -> str:
     """A run as a table of its equilibria, the last ones of many."""
-    from ribbon_cli.pages import html
-
     try:
         states, lost = run.found()
     except RibbonError as error:

@@ -9,15 +9,20 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
+from ribbon_cli import study
 from ribbon_cli.api.names import PLOT_KINDS
 from ribbon_cli.errors import RibbonWarning, UsageError
+from ribbon_cli.export.words import contact_warning
+from ribbon_cli.plot.figure import dressed, find_style, state_caption
+from ribbon_cli.plot.kinds import Picture, Source, draw
+from ribbon_cli.plot.labels import plain, run_texts
+from ribbon_cli.plot.style import Style, of_width
+from ribbon_cli.store import suggest
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ribbon_cli.plot.kinds import Picture, Source
     from ribbon_cli.plot.modes import ModeShape
-    from ribbon_cli.plot.style import Style
     from ribbon_cli.store import Run, StateRecord
 
 _SEEN = ("shape", "family", "mode")
@@ -65,8 +70,6 @@ class Drawn:
 
     def figure(self, caption: bool = True, title: str | None = None) -> Figure:
         """The figure in full dress; it is drawn upon, so ask for it once."""
-        from ribbon_cli.plot.figure import dressed
-
         return dressed(self.picture.figure, self.style, self.words if caption else None, title)
 
 
@@ -75,8 +78,6 @@ def check_kind(
 ) -> None:
     """Refuse an unknown kind of picture, and an option that would do nothing for it. Raises UsageError."""
     if kind not in PLOT_KINDS:
-        from ribbon_cli.store import suggest
-
         known = ", ".join(PLOT_KINDS)
         raise UsageError(f"no kind of picture {kind!r} (known: {known}){suggest(kind, PLOT_KINDS)}")
     if index and kind != "mode":
@@ -104,10 +105,6 @@ def source_of(
     index: int | None = None,
 ) -> Source:
     """What the first reference and the `others` name. Raises UsageError."""
-    from ribbon_cli.plot.kinds import Source
-    from ribbon_cli.plot.labels import plain, run_texts
-    from ribbon_cli.study import multiplier_curves, run_table
-
     run, states = first.run, first.states
     if others and kind == "branch" and states:
         raise UsageError(f"branch shows runs: name the run of {first.ref}")
@@ -133,14 +130,22 @@ def source_of(
     if segments and states and kind not in _OF_A_RUN:
         raise UsageError("--segments goes with a run, and the reference names a state")
     mode = partial(_mode, index=index)
-    return Source(run, states, run_table, multiplier_curves, mode, angles, segments, beside, names, run_names)
+    return Source(
+        run,
+        states,
+        study.run_table,
+        study.multiplier_curves,
+        mode,
+        angles,
+        segments,
+        beside,
+        names,
+        run_names,
+    )
 
 
 def drawn(kind: str, source: Source, style: Style) -> Drawn:
     """The picture of a kind. Raises UsageError, which says what to run, where the data lack for it."""
-    from ribbon_cli.plot.figure import state_caption
-    from ribbon_cli.plot.kinds import draw
-
     picture = draw(kind, source, style)
     run = source.run.name if source.run else None
     caption = picture.words or (
@@ -165,10 +170,6 @@ def figure_of(
 
     Raises UsageError.
     """
-    from ribbon_cli.export.words import contact_warning
-    from ribbon_cli.plot.figure import find_style
-    from ribbon_cli.plot.style import of_width
-
     check_kind(kind, index, view, segments, others)
     check_title(title)
     look = find_style(style)
@@ -186,9 +187,8 @@ def _mode(record: StateRecord, index: int | None) -> ModeShape:
     Raises UsageError as `ribbon spectrum` does.
     """
     from ribbon_cli.plot.modes import ModeShape
-    from ribbon_cli.study import stability_of
 
-    found = stability_of(record, modes=max(12, index or 1))
+    found = study.stability_of(record, modes=max(12, index or 1))
     if index is None:
         index = 1 + next(k for k, mode in enumerate(found.modes) if mode.label != "rotation")
     if index > len(found.vectors):

@@ -13,6 +13,9 @@ from ribbon_cli.api.targets import IN_PYTHON, OVERWRITE, check_target
 from ribbon_cli.errors import RibbonWarning, UsageError
 from ribbon_cli.export.formats import FORMATS, Options, check_options, states_of_run
 from ribbon_cli.export.words import contact_warning
+from ribbon_cli.plot.figure import state_caption
+from ribbon_cli.store import export_npz, suggest, typed, write_atomic
+from ribbon_cli.text import visible
 
 if TYPE_CHECKING:
     from ribbon_cli.api.drawing import Named
@@ -35,8 +38,6 @@ class Exported:
 
 def check_format(form: str, options: Options) -> None:
     """Refuse an unknown format, and an option that it does not heed. Raises UsageError."""
-    from ribbon_cli.store import suggest
-
     if form not in EXPORT_FORMATS:
         known = f"known: {', '.join(EXPORT_FORMATS)}"
         raise UsageError(f"no format {form!r} ({known}){suggest(form, EXPORT_FORMATS)}")
@@ -60,8 +61,6 @@ def export(
     Of a run, formats that take several get its states of one N, by width; `tell` is called with which these
     are. `hint` says what to do about a file that exists. Raises UsageError, StoreError.
     """
-    from ribbon_cli.store import export_npz, typed
-
     check_format(form, options)
     run, states = named.run, named.states
     if not states:
@@ -86,16 +85,11 @@ def export(
 
 def _title(run: Run | None, states: tuple[StateRecord, ...]) -> str:
     """What a file says of its data, in one line whatever a state from elsewhere holds."""
-    from ribbon_cli.plot.figure import state_caption
-    from ribbon_cli.text import visible
-
     return visible(state_caption(states, run.name if run else None))
 
 
 def _write(path: str, data: list[bytes], overwrite: bool, hint: str) -> tuple[str, ...]:
     """Write the files, numbered where there are several, and return their names."""
-    from ribbon_cli.store import write_atomic
-
     stem, suffix = os.path.splitext(path)
     paths = [path] if len(data) == 1 else [f"{stem}-{k}{suffix}" for k in range(1, len(data) + 1)]
     for name in paths:

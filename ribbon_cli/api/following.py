@@ -7,7 +7,14 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from typing import TYPE_CHECKING
 
+from ribbon_cli import digits
+from ribbon_cli.api.extras import extra
+from ribbon_cli.config import STOPS, Arclength
 from ribbon_cli.errors import UsageError
+from ribbon_cli.export.words import MEETS_ITSELF
+from ribbon_cli.pages import html
+from ribbon_cli.store import suggest
+from ribbon_cli.study.outcome import CoursePoint
 from ribbon_cli.text import visible
 
 if TYPE_CHECKING:
@@ -15,7 +22,6 @@ if TYPE_CHECKING:
 
     from ribbon_cli.api.run import OpenRun
     from ribbon_cli.api.state import OpenState
-    from ribbon_cli.config import Arclength
     from ribbon_cli.study import Course, Outcome
 
 
@@ -31,9 +37,6 @@ def request(
     switch: int | None = None,
 ) -> Arclength:
     """What `ribbon continue` is asked for. Raises UsageError for options that do not go together."""
-    from ribbon_cli.config import STOPS, Arclength
-    from ribbon_cli.store import suggest
-
     for option, value in (("--max-step", max_step), ("--steps", steps)):
         if value is not None and not 0 < value < math.inf:
             raise UsageError(f"{option}: must be positive, got {value:g}")
@@ -86,8 +89,6 @@ class Followed:
         """A row a point: branch, label, b, energy, index, contact and so on. Raises ImportError without
         pandas.
         """
-        from ribbon_cli.api.extras import extra
-
         pandas = extra("pandas", "followed.table()")
         rows = [{"branch": c.name} | asdict(point) for c in self.branches for point in c.points]
         table = pandas.DataFrame(rows, columns=["branch", *_columns()])
@@ -108,10 +109,6 @@ class Followed:
         return visible(f"<followed in {self.run.name}: {'; '.join(self._lines())}>")
 
     def _repr_html_(self) -> str:
-        from ribbon_cli import digits
-        from ribbon_cli.export.words import MEETS_ITSELF
-        from ribbon_cli.pages import html
-
         head = ("label", "type", "b", "E", "status", "negative eigenvalues", "self-contact")
         parts = []
         for line, course in zip(self._lines(), self.branches, strict=True):
@@ -132,8 +129,6 @@ class Followed:
 
 
 def _columns() -> list[str]:
-    from ribbon_cli.study.outcome import CoursePoint
-
     return [field.name for field in fields(CoursePoint)]
 
 

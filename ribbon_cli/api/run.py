@@ -9,18 +9,22 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
+from ribbon_cli.api import display
+from ribbon_cli.api.datasets import dataset
+from ribbon_cli.api.drawing import Named, figure_of
+from ribbon_cli.api.exporting import Exported, export_to
 from ribbon_cli.api.opening import path_text, runs_text
+from ribbon_cli.api.state import OpenState
+from ribbon_cli.api.tables import as_found, damage_in_words, frame
 from ribbon_cli.errors import RibbonWarning, UsageError
+from ribbon_cli.export.formats import Options
 from ribbon_cli.store import Run, find_run, names_state, runs_root
+from ribbon_cli.store.refs import choose
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from pandas import DataFrame
     from xarray import Dataset
-
-    from ribbon_cli.api.drawing import Named
-    from ribbon_cli.api.exporting import Exported
-    from ribbon_cli.api.state import OpenState
 
 
 def open(run: str | os.PathLike[str] | Run, runs: str | os.PathLike[str] | None = None) -> OpenRun:
@@ -52,8 +56,6 @@ class OpenRun(Run):
 
         Raises StoreError for a damaged log.
         """
-        from ribbon_cli.api.tables import as_found
-
         return as_found(self, self.states(all=all))
 
     def table(self, all: bool = False) -> DataFrame:
@@ -62,8 +64,6 @@ class OpenRun(Run):
         A state whose file is not what was committed has no certificate there, and is warned of. Raises
         StoreError for a damaged log, ImportError without pandas.
         """
-        from ribbon_cli.api.tables import damage_in_words, frame
-
         states, lost = self.found(all)
         for line in damage_in_words(self, lost):
             warnings.warn(line, RibbonWarning, stacklevel=2)
@@ -77,8 +77,6 @@ class OpenRun(Run):
         for 0 no spectrum is read. Raises UsageError for a run without equilibria, StoreError for a damaged
         one, ImportError without xarray.
         """
-        from ribbon_cli.api.datasets import dataset
-
         return dataset(self, grid, modes)
 
     def at(self, b: float | None = None, N: int | None = None) -> OpenState:
@@ -87,8 +85,6 @@ class OpenRun(Run):
         Of several it is the latest of the finest certified ones; `choice` of the state says which was taken.
         Warns where that has no certificate. Raises UsageError, which says what there is, StoreError.
         """
-        from ribbon_cli.store.refs import choose
-
         wanted: dict[str, float] = {}
         if b is not None:
             wanted["b"] = _real(b)
@@ -103,8 +99,6 @@ class OpenRun(Run):
 
     def state(self, label: int, choice: str = "") -> OpenState:
         """The state with a label, of whatever kind. Raises UsageError, StoreError."""
-        from ribbon_cli.api.state import OpenState
-
         label = operator.index(label)
         return OpenState.of(self.load(label), self, self.state_path(label), choice)
 
@@ -125,8 +119,6 @@ class OpenRun(Run):
         `kind` is geometry, multipliers, spectrum, convergence, branch or family; `beside` are further runs,
         `segments` the N of the states. Raises UsageError.
         """
-        from ribbon_cli.api.drawing import Named, figure_of
-
         more = [Named(run.name, run) for run in beside]
         return figure_of(kind, self._named(), more, style, view, segments, None, width, title, caption)
 
@@ -139,15 +131,10 @@ class OpenRun(Run):
         overwrite: bool = False,
     ) -> Exported:
         """Write the states of one N, by width, as vtkhdf or html. Raises UsageError, StoreError."""
-        from ribbon_cli.api.exporting import export_to
-        from ribbon_cli.export.formats import Options
-
         return export_to(path, format, self._named(), Options(segments=segments), overwrite)
 
     def _named(self) -> Named:
         """The run as a reference names it."""
-        from ribbon_cli.api.drawing import Named
-
         return Named(self.name, self)
 
     def __reduce__(self) -> tuple[type[Self], tuple[Path]]:
@@ -155,14 +142,10 @@ class OpenRun(Run):
         return type(self), (self.path,)
 
     def __repr__(self) -> str:
-        from ribbon_cli.api.display import run_text
-
-        return run_text(self)
+        return display.run_text(self)
 
     def _repr_html_(self) -> str:
-        from ribbon_cli.api.display import run_html
-
-        return run_html(self)
+        return display.run_html(self)
 
 
 def _real(b: float) -> float:

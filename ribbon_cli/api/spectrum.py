@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from ribbon_cli import study
 from ribbon_cli.api.extras import extra
+from ribbon_cli.pages import html
 from ribbon_cli.text import visible
 
 if TYPE_CHECKING:
@@ -65,9 +67,7 @@ class Spectrum:
 
     def document(self) -> dict[str, Any]:
         """What `ribbon spectrum STATE --json` prints."""
-        from ribbon_cli.study import document_of
-
-        return document_of(self.record, self.found, self.run)
+        return study.document_of(self.record, self.found, self.run)
 
     def table(self) -> DataFrame:
         """A row a mode, with a column for each symmetry. Raises ImportError without pandas."""
@@ -104,8 +104,6 @@ class Spectrum:
         return visible(f"<spectrum of state {self.record.label}, {place}: {kinds}; {self.verdict}>")
 
     def _repr_html_(self) -> str:
-        from ribbon_cli.pages import html
-
         rows: list[tuple[html.Cell, ...]] = [
             ((str(k), "n"), (f"{mode.value:.6g}", "n"), (f"{mode.bound:.1e}", "n"), mode.label)
             for k, mode in enumerate(self.found.modes, start=1)

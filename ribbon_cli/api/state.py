@@ -8,8 +8,15 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, Self
 
+from ribbon_cli import study
+from ribbon_cli.api import display
+from ribbon_cli.api.drawing import Named, figure_of
+from ribbon_cli.api.exporting import Exported, export_to
+from ribbon_cli.api.following import Followed, request
+from ribbon_cli.api.spectrum import Spectrum
 from ribbon_cli.api.watching import Watcher, watched
 from ribbon_cli.errors import RibbonWarning, TargetError, UsageError
+from ribbon_cli.export.formats import Options
 from ribbon_cli.store import Run, StateRecord
 
 if TYPE_CHECKING:
@@ -17,11 +24,7 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from ribbon_cli.api.drawing import Named
-    from ribbon_cli.api.exporting import Exported
-    from ribbon_cli.api.following import Followed
     from ribbon_cli.api.run import OpenRun
-    from ribbon_cli.api.spectrum import Spectrum
 
 Metric = Literal["physical", "euclidean", "folding"]
 Method = Literal["smooth", "split"]
@@ -61,10 +64,7 @@ class OpenState(StateRecord):
         The lowest `modes` and the rotations, or all of them if `full`. What a solve stored is in `spectra`.
         Raises UsageError, TargetError.
         """
-        from ribbon_cli.api.spectrum import Spectrum
-        from ribbon_cli.study import stability_of
-
-        return Spectrum(self, stability_of(self, metric, modes, full), self.run_name)
+        return Spectrum(self, study.stability_of(self, metric, modes, full), self.run_name)
 
     def plot(
         self,
@@ -84,8 +84,6 @@ class OpenState(StateRecord):
         azimuth and elevation in degrees, `index` the number of a mode, `width` the picture's in millimetres.
         Its `savefig` writes it. Raises UsageError.
         """
-        from ribbon_cli.api.drawing import figure_of
-
         more = [state._named() for state in beside]
         return figure_of(kind, self._named(), more, style, view, None, index, width, title, caption)
 
@@ -102,11 +100,9 @@ class OpenState(StateRecord):
         `to` is a number of segments N, `levels` how often to double it. Warns of a result without
         certificate. Raises TargetError where N is not reached, UsageError, StoreError, LockedError.
         """
-        from ribbon_cli.study import refine_state
-
         run = self._in_a_run("refine")
         with watched(progress) as shown:
-            outcome = refine_state(
+            outcome = study.refine_state(
                 run.path.parent,
                 str(self.path),
                 to=to,
@@ -142,13 +138,10 @@ class OpenState(StateRecord):
         are those of the command. The same call again resumes. Warns of a branch that breaks off. Raises
         UsageError, StoreError, LockedError.
         """
-        from ribbon_cli.api.following import Followed, request
-        from ribbon_cli.study import continue_state
-
         run = self._in_a_run("follow")
         wanted = request(to, arclength, back_to, both, at, stop_at, max_step, steps, switch)
         with watched(progress) as shown:
-            outcome = continue_state(
+            outcome = study.continue_state(
                 run.path.parent, str(self.path), wanted, natural=not arclength, progress=shown, argv=sys.argv
             )
         for failure in outcome.failures:
@@ -170,16 +163,11 @@ class OpenState(StateRecord):
         Returns the files' names with what has to be said of them. Warns of a band that meets itself. Raises
         UsageError, StoreError.
         """
-        from ribbon_cli.api.exporting import export_to
-        from ribbon_cli.export.formats import Options
-
         options = Options(size, thickness, paper)
         return export_to(path, format, self._named(), options, overwrite)
 
     def _named(self) -> Named:
         """The state as a reference names it."""
-        from ribbon_cli.api.drawing import Named
-
         return Named(str(self.path), self.run, (self,))
 
     def _in_a_run(self, what: str) -> OpenRun:
@@ -189,11 +177,7 @@ class OpenState(StateRecord):
         return self.run
 
     def __repr__(self) -> str:
-        from ribbon_cli.api.display import state_text
-
-        return state_text(self)
+        return display.state_text(self)
 
     def _repr_html_(self) -> str:
-        from ribbon_cli.api.display import state_html
-
-        return state_html(self)
+        return display.state_html(self)

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from ribbon_cli.api.extras import extra
+from ribbon_cli.store.layout import BRANCH, STATE
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -50,8 +51,6 @@ def column_types(branches: bool) -> dict[str, tuple[str, bool]]:
     """Columns of a flat summary in the order of `ribbon ls --json`, each with its type and whether values may
     be absent; those of branches only if asked.
     """
-    from ribbon_cli.store.layout import BRANCH, STATE
-
     marked = [(item.field, item) for item in STATE if item.summary]
     marked += [(f"branch_{item.field}", item) for item in BRANCH if item.summary and branches]
     rows = {name: (item.dtype if not item.dims else "utf-8", item.optional) for name, item in marked}
