@@ -1,9 +1,11 @@
 """Batch continuation of unstretchable elastic bands, with certified equilibria and a reproducible run store.
 
-    from ribbon_cli import load_state, solve
-    outcome = solve("mobius-pi.yaml")
-    state = load_state("mobius-pi@b=0.5,N=400")
-    state.energy, state.u, state.midline
+    import ribbon_cli as ribbon
+    outcome = ribbon.solve("mobius-pi.yaml", progress=True)
+    run = ribbon.open("mobius-pi")
+    run.table(), run.to_xarray(), run.plot("convergence")
+    state = run.at(b=0.5, N=400)
+    state.energy, state.u, state.spectrum(), state.plot("shape")
 
 Everything is imported when it is first asked for, so that importing this takes no time.
 """
@@ -13,22 +15,44 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from ribbon_cli.api import load_state, solve
+    from ribbon_cli.api import Followed, OpenRun, OpenState, Spectrum, load_state, solve
+    from ribbon_cli.api import open as open
     from ribbon_cli.config import Config, load_config
-    from ribbon_cli.errors import RibbonError
+    from ribbon_cli.errors import RibbonError, RibbonWarning
     from ribbon_cli.store import Run, StateRecord
     from ribbon_cli.study import Outcome
 
-__all__ = ["Config", "Outcome", "RibbonError", "Run", "StateRecord", "load_config", "load_state", "solve"]
+__all__ = [
+    "Config",
+    "Followed",
+    "OpenRun",
+    "OpenState",
+    "Outcome",
+    "RibbonError",
+    "RibbonWarning",
+    "Run",
+    "Spectrum",
+    "StateRecord",
+    "load_config",
+    "load_state",
+    "solve",
+]
+"""What `from ribbon_cli import *` brings: not `open`, which is Python's own there."""
 
 _HOMES = {
     "Config": "config",
+    "Followed": "api",
+    "OpenRun": "api",
+    "OpenState": "api",
     "Outcome": "study",
     "RibbonError": "errors",
+    "RibbonWarning": "errors",
     "Run": "store",
+    "Spectrum": "api",
     "StateRecord": "store",
     "load_config": "config",
     "load_state": "api",
+    "open": "api",
     "solve": "api",
 }
 
@@ -44,4 +68,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__, "__version__"})
+    return sorted({*globals(), *_HOMES, "__version__"})

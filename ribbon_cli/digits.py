@@ -63,3 +63,14 @@ def powers(text: str) -> str:
     'E = $8.95 \\\\times 10^{-6}$'
     """
     return _POWER.sub(lambda found: rf"${found[1]} \times 10^{{{int(found[2])}}}$", text)
+
+
+def duration(seconds: float) -> str:
+    """A time as people say it: 0.4 s, 12 s, 3 min 20 s, 2 h 05 min."""
+    if seconds < 9.95:
+        return f"{seconds:.1f} s"
+    minutes, rest = divmod(round(seconds), 60)
+    if minutes == 0:
+        return f"{rest} s"
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours} h {minutes:02} min" if hours else f"{minutes} min {rest:02} s"

@@ -34,3 +34,7 @@ class LockedError(RibbonError):
     """Another process writes to this run."""
 
     exit_code = 5
+
+
+class RibbonWarning(UserWarning):
+    """What a program has to know of a result, and is no error: no certificate, a band that meets itself."""

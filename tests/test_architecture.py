@@ -43,6 +43,7 @@ CLOSED = {
     "export": {"model", "solver", "recipes"},
     "plot": {"model", "solver", "recipes"},
     "pages": {"model", "solver", "recipes"},
+    "api": {"model", "solver", "recipes"},
     "cli": {"model", "solver", "recipes"},  # holds no numerics
 }
 """Rooms of lower rank that a room keeps out of all the same."""

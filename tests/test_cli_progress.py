@@ -7,9 +7,10 @@ import io
 import pytest
 from cli_support import ESCAPE
 
-from ribbon_cli.cli import progress as module
-from ribbon_cli.cli.render import duration
+from ribbon_cli.api import console as module
+from ribbon_cli.cli.progress import progress
 from ribbon_cli.cli.settings import Settings
+from ribbon_cli.digits import duration
 
 
 class Terminal(io.StringIO):
@@ -19,7 +20,7 @@ class Terminal(io.StringIO):
 
 def play(settings: Settings) -> None:
     """Three stages, the second with a note, the last two without steps."""
-    with module.progress(settings) as shown:
+    with progress(settings) as shown:
         if shown is None:
             return
         shown.stage("twist 1/1", 1, 12, 0.1, 50)

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ribbon_cli.api.targets import check_target
 from ribbon_cli.cli.completion import complete_file, complete_template
-from ribbon_cli.cli.output import check_target, emit, emit_json, say, teller
+from ribbon_cli.cli.output import emit, emit_json, say, teller
 from ribbon_cli.cli.settings import Settings, common_options, pass_settings
 
 if TYPE_CHECKING:
@@ -103,7 +104,8 @@ def _show_plan(settings: Settings, config: Config) -> None:
     """Print what `ribbon solve` will do with a config."""
     from dataclasses import asdict
 
-    from ribbon_cli.cli.render import duration, plan_table
+    from ribbon_cli.cli.render import plan_table
+    from ribbon_cli.digits import duration
     from ribbon_cli.study import given_band, plan_of
 
     band = given_band(config, settings.root, teller(settings)) if config.guess.recipe == "state" else None

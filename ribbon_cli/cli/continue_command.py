@@ -11,7 +11,6 @@ from ribbon_cli.cli.completion import complete_state
 from ribbon_cli.cli.numbers import positive, positives, whole
 from ribbon_cli.cli.output import complain, emit, emit_json, say
 from ribbon_cli.cli.settings import Settings, common_options, pass_settings
-from ribbon_cli.errors import UsageError
 
 if TYPE_CHECKING:
     from ribbon_cli.study import Course, Outcome
@@ -52,33 +51,15 @@ def continue_(
     The same line again resumes. Without --arclength widths are reached one from another, and the first fold
     ends it. Unstable points on a branch are no failure; the exit code is 3 when no step is short enough.
     """
-    own = {"--back-to": back_to, "--both": both, "--max-step": max_step, "--steps": steps, "--switch": switch}
-    given = [option for option, value in own.items() if value]
-    if not arclength and given:
-        raise UsageError(f"{given[0]} needs --arclength")
-    if not arclength and {"fold", "stability-lost"} & set(stop_at):
-        raise UsageError("--stop-at fold and --stop-at stability-lost need --arclength")
-    if both and back_to is None:
-        raise UsageError("--both needs --back-to B, the half-width to go to the other way")
+    from ribbon_cli.api.following import request
     from ribbon_cli.cli.progress import progress
-    from ribbon_cli.config import STOPS, Arclength
     from ribbon_cli.study import continue_state
 
-    default = Arclength(to)
-    request = Arclength(
-        to=to,
-        back_to=back_to,
-        both=both,
-        at=at,
-        max_step=max_step or default.max_step,
-        steps=steps or default.steps,
-        stop_at=tuple(word for word in STOPS if word in stop_at),
-        switch=switch or 0,
-    )
+    wanted = request(to, arclength, back_to, both, at, stop_at, max_step, steps, switch)
     settings.commits = True
     with progress(settings) as shown:
         outcome = continue_state(
-            settings.root, state, request, natural=not arclength, progress=shown, argv=settings.argv
+            settings.root, state, wanted, natural=not arclength, progress=shown, argv=settings.argv
         )
     return _report(settings, outcome)
 

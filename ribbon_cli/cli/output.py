@@ -104,24 +104,3 @@ def text_format(settings: Settings, form: str | None) -> str:
     if settings.json and form not in (None, "json"):
         raise UsageError(f"--json and --format {form} exclude each other: give one")
     return "json" if settings.json else form or "text"
-
-
-def check_target(
-    path: str | os.PathLike[str], overwrite: bool, hint: str = "add --overwrite, or choose another with -o"
-) -> None:
-    """Check a file that is about to be written.
-
-    Raises UsageError where it is a folder or a device, exists and is not to be overwritten, or would lie in
-    no folder.
-    """
-    if os.fspath(path) == "-":
-        raise UsageError("-o -: name a file; what has no -o goes to standard output where it is text")
-    if os.path.isdir(path):
-        raise UsageError(f"{path}: is a folder: name a file with -o")
-    if os.path.exists(path) and not os.path.isfile(path):
-        raise UsageError(f"{path}: is no regular file, and would be replaced by one: {hint}")
-    if os.path.lexists(path) and not overwrite:
-        raise UsageError(f"{path}: exists already and is not replaced: {hint}")
-    folder = os.path.dirname(path) or "."
-    if not os.path.isdir(folder):
-        raise UsageError(f"{path}: its folder does not exist: make it first, or choose another with -o")

@@ -54,17 +54,6 @@ def energy(value: float | None) -> str:
     return MISSING if value is None or math.isnan(value) else digits.energy(value)
 
 
-def duration(seconds: float) -> str:
-    """A time as people say it: 0.4 s, 12 s, 3 min 20 s, 2 h 05 min."""
-    if seconds < 9.95:
-        return f"{seconds:.1f} s"
-    minutes, rest = divmod(round(seconds), 60)
-    if minutes == 0:
-        return f"{rest} s"
-    hours, minutes = divmod(minutes, 60)
-    return f"{hours} h {minutes:02} min" if hours else f"{minutes} min {rest:02} s"
-
-
 def _figures(state: State) -> list[str]:
     """Energy, status, linking number, contact, residuals and certificate of a state."""
     return [

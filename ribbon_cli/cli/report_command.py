@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import click
 
+from ribbon_cli.api.targets import check_target
 from ribbon_cli.cli.completion import complete_file, complete_run
-from ribbon_cli.cli.output import check_target, emit, emit_json
+from ribbon_cli.cli.output import emit, emit_json
 from ribbon_cli.cli.settings import Settings, common_options, pass_settings
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from ribbon_cli.api.targets import check_target
 from ribbon_cli.cli.compare_command import (
     answer_of_pairs,
     exact_option,
@@ -15,7 +16,7 @@ from ribbon_cli.cli.compare_command import (
     pairs_table,
 )
 from ribbon_cli.cli.completion import complete_any, complete_file, complete_folder, complete_run
-from ribbon_cli.cli.output import check_target, complain, emit, emit_json, emit_path, say, teller
+from ribbon_cli.cli.output import complain, emit, emit_json, emit_path, say, teller
 from ribbon_cli.cli.settings import Settings, common_options, pass_settings
 
 if TYPE_CHECKING:

@@ -7,8 +7,9 @@ from typing import Any
 
 import click
 
+from ribbon_cli.api.targets import check_target
 from ribbon_cli.cli.completion import complete_any, complete_file
-from ribbon_cli.cli.output import check_target, complain, deliver, emit_json, say, teller, text_format
+from ribbon_cli.cli.output import complain, deliver, emit_json, say, teller, text_format
 from ribbon_cli.cli.settings import Settings, common_options, pass_settings
 from ribbon_cli.errors import TargetError, UsageError
 

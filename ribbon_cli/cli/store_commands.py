@@ -62,13 +62,9 @@ def ls(settings: Settings, run: str | None, everything: bool, status: str | None
     return StoreError.exit_code if damaged else 0
 
 
-def _as_found(state: dict[str, Any], damage: str | None) -> dict[str, Any]:
-    """A state's summary, without a certificate where its file is not what was committed."""
-    return state if damage is None else {**state, "status": damage, "certified": False}
-
-
 def _list_states(settings: Settings, ref: str, everything: bool, status: str | None, kind: str | None) -> int:
     """List a run's states that the filters leave."""
+    from ribbon_cli.api.tables import as_found, damage_in_words
     from ribbon_cli.cli.render import states_table
     from ribbon_cli.store import KINDS, find_states
     from ribbon_cli.study import STATE_STATUSES
@@ -76,8 +72,7 @@ def _list_states(settings: Settings, ref: str, everything: bool, status: str | N
     _known("kind", kind, KINDS)
     _known("status", status, STATE_STATUSES)
     run, states = find_states(settings.root, ref, everything or kind is not None)
-    lost = run.damage(state["label"] for state in states)
-    states = [_as_found(state, lost.get(state["label"])) for state in states]
+    states, lost = as_found(run, states)
     shown = [
         state
         for state in states
@@ -89,8 +84,8 @@ def _list_states(settings: Settings, ref: str, everything: bool, status: str | N
         emit(states_table(shown, kinds=everything or kind is not None))
     else:
         say(settings, _emptiness(run) if not states else f"{run.name} has no such states")
-    for label, word in lost.items():
-        complain(f"ribbon: {run.state_path(label)}: {word}: what is listed of it is what was committed")
+    for line in damage_in_words(run, lost):
+        complain(f"ribbon: {line}")
     return StoreError.exit_code if lost else 0
 
 

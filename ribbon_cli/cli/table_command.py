@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 
 import click
 
+from ribbon_cli.api.targets import check_target
 from ribbon_cli.cli.completion import complete_file, complete_source, complete_state
-from ribbon_cli.cli.output import check_target, complain, deliver, say, teller, text_format
+from ribbon_cli.cli.output import complain, deliver, say, teller, text_format
 from ribbon_cli.cli.settings import Settings, common_options, pass_settings
 from ribbon_cli.cli.solve_commands import run_stages
 from ribbon_cli.errors import StoreError, TargetError, UsageError

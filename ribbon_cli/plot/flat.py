@@ -29,7 +29,7 @@ LETTER_ROOM = 0.02
 
 def pattern_figure(record: StateRecord, style: Style) -> Figure:
     """The flat strip with its folds; for true scale see `ribbon export --to svg` and `--to pdf`."""
-    from matplotlib.figure import Figure
+    from ribbon_cli.plot.canvas import Figure
 
     pattern = fold_pattern(record, 250.0)
     left, low, right, high = pattern.box

@@ -51,7 +51,7 @@ def spectrum_figure(
     the runs of a single group's states where they are of several. Raises UsageError where a group has no
     spectrum.
     """
-    from matplotlib.figure import Figure
+    from ribbon_cli.plot.canvas import Figure
 
     for records in groups:
         if not any(spectrum_of(record, m) for m in METRIC_TITLES for record in records):
@@ -175,7 +175,7 @@ def convergence_figure(table: Table, style: Style) -> Figure:
     which a logarithmic scale has no place for, are told in the legend. Raises UsageError where no half-width
     has two levels.
     """
-    from matplotlib.figure import Figure
+    from ribbon_cli.plot.canvas import Figure
 
     groups = differences(table)
     if not groups:

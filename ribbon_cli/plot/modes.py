@@ -95,7 +95,7 @@ def mode_figure(
 
     The shape at rest is in the middle.
     """
-    from matplotlib.figure import Figure
+    from ribbon_cli.plot.canvas import Figure
 
     frames = _Frames(record, mode, angles)
     phases = PHASES if style.fitting(5, FRAME) == 5 else {title: PHASES[title] for title in ("−1", "0", "1")}
@@ -199,8 +199,7 @@ def _frame(
     frames: _Frames, phase: float, style: Style, caption: str | None, title: str | None = None
 ) -> Figure:
     """One frame of the animation with the caption below it and the title above."""
-    from matplotlib.figure import Figure
-
+    from ribbon_cli.plot.canvas import Figure
     from ribbon_cli.plot.figure import dressed
 
     width = 0.7 * style.width

@@ -18,7 +18,7 @@ def panels(
 
     `share` is a row's height as a part of the width.
     """
-    from matplotlib.figure import Figure
+    from ribbon_cli.plot.canvas import Figure
 
     columns = style.fitting(wanted, letters)
     while count % columns:

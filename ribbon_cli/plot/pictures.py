@@ -31,7 +31,7 @@ def shape_figure(record: StateRecord, style: Style, angles: tuple[float, float] 
     """One shape with a bar for its scale; `angles` are azimuth and elevation in degrees, automatic if
     None.
     """
-    from matplotlib.figure import Figure
+    from ribbon_cli.plot.canvas import Figure
 
     corners = facet_corners(record)
     view = chosen_view(corners, angles)
@@ -98,7 +98,7 @@ def shapes_figure(
     """Shapes in rows of up to five, fewer where these would be narrow, at one scale; `aligned` from one side,
     else each from its own best.
     """
-    from matplotlib.figure import Figure
+    from ribbon_cli.plot.canvas import Figure
 
     corners = [facet_corners(panel.record) for panel in panels]
     views = _common_views(corners, angles) if aligned else [chosen_view(item, angles) for item in corners]

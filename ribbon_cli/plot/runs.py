@@ -34,8 +34,9 @@ def runs_figure(
     states, open ones without certificate, crosses those with self-contact; dashes tell how many directions
     lead down.
     """
-    from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
+
+    from ribbon_cli.plot.canvas import Figure
 
     figure = Figure(figsize=(style.across(0.72), style.row(0.5)), layout="constrained")
     axes = figure.subplots()

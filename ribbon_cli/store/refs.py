@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -98,11 +98,9 @@ def resolve_state(
     name, at, query = ref.partition("@")
     if at:
         run = find_run(root, name)
-        wanted = _parse_query(ref, query)
-        fitting = _fitting(run, wanted)
-        state = meant(fitting)
-        if tell is not None and ("N" not in wanted or len(fitting) > 1 or not state["certified"]):
-            tell(f"{ref}: {_choice(state, fitting)}")
+        state, choice = choose(run, _parse_query(ref, query))
+        if tell is not None and choice:
+            tell(f"{ref}: {choice}")
         return run, int(state["label"]), run.state_path(state["label"])
     name, colon, text = ref.rpartition(":")
     if not colon:
@@ -165,6 +163,19 @@ def _parse_query(ref: str, query: str) -> dict[str, float]:
     return wanted
 
 
+def choose(run: Run, wanted: Mapping[str, float]) -> tuple[dict[str, Any], str]:
+    """The equilibrium that `wanted`, with keys b and N or one of them, means: the one rule for what is typed
+    and for what programs ask for.
+
+    With it comes a sentence on which was taken, and why that one; empty where there was no choice, and the
+    state is certified. Raises UsageError, saying what there is instead, when there is none.
+    """
+    fitting = _fitting(run, wanted)
+    state = meant(fitting)
+    told = "N" not in wanted or len(fitting) > 1 or not state["certified"]
+    return state, _choice(state, fitting) if told else ""
+
+
 def no_equilibria(run: Run) -> str:
     """Why there is nothing to say of a run's equilibria, and where its other states are listed."""
     return f"{run.name} has no equilibria yet; `ribbon ls {typed(run)} --all` lists its states"
@@ -193,7 +204,7 @@ def _choice(taken: dict[str, Any], fitting: Sequence[dict[str, Any]]) -> str:
     return f"state {taken['label']} is taken ({place}), {why}"
 
 
-def _fitting(run: Run, wanted: dict[str, float]) -> list[dict[str, Any]]:
+def _fitting(run: Run, wanted: Mapping[str, float]) -> list[dict[str, Any]]:
     """The equilibria that a query fits, at least one. Raises UsageError."""
     states = run.states()
     if not states:

@@ -7,7 +7,7 @@ from typing import Protocol
 
 
 class Progress(Protocol):
-    """Receives the course of a study; see `ribbon_cli.cli.progress` for what a terminal shows."""
+    """Receives the course of a study; see `ribbon_cli.api.console` for what a terminal shows."""
 
     def stage(self, name: str, index: int, total: int, half_width: float, segments: int) -> None:
         """Note that a stage begins, `index` (from 1) of about `total`."""

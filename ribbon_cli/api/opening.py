@@ -7,11 +7,13 @@ import sys
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
+from ribbon_cli.api.watching import Watcher, watched
 from ribbon_cli.errors import UsageError
 
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from ribbon_cli.api.state import OpenState
     from ribbon_cli.config import Config
     from ribbon_cli.store import Run, StateRecord
     from ribbon_cli.study import Outcome
@@ -21,19 +23,24 @@ def solve(
     config: str | os.PathLike[str] | Mapping[str, Any] | Config,
     runs: str | os.PathLike[str] | None = None,
     fresh: bool = False,
+    *,
+    progress: Watcher = None,
 ) -> Outcome:
     """Run all stages of a config, or those that its run still lacks; `fresh` starts over.
 
     `config` is a path, a `Config`, or a mapping laid out as a config file, whose `name` defaults to "config".
-    `runs` is the folder of the runs, by default RIBBON_RUNS, else ./runs. Targets that were not reached are
-    in the outcome and raise nothing; ConfigError, StoreError and LockedError are raised, and TypeError for
-    arguments of other types.
+    `runs` is the folder of the runs, by default RIBBON_RUNS, else ./runs. `progress` is a callable that gets
+    every `Stage`, `Step` and `Note`, True for the progress of the command line, None for silence; what the
+    callable raises ends the solve, and what is stored by then stays. Targets that were not reached are in the
+    outcome and raise nothing; ConfigError, StoreError and LockedError are raised, and TypeError for arguments
+    of other types.
     """
     from ribbon_cli.store import runs_root
     from ribbon_cli.study import solve_config
 
-    root = runs_root(_runs(runs))
-    return solve_config(_config(config), root, fresh=fresh, argv=sys.argv)
+    root = runs_root(runs_text(runs))
+    with watched(progress) as shown:
+        return solve_config(_config(config), root, fresh=fresh, progress=shown, argv=sys.argv)
 
 
 def _config(source: str | os.PathLike[str] | Mapping[str, Any] | Config) -> Config:
@@ -41,7 +48,7 @@ def _config(source: str | os.PathLike[str] | Mapping[str, Any] | Config) -> Conf
     from ribbon_cli.config import Config, load_config, parse_config
 
     if isinstance(source, str | os.PathLike):
-        return load_config(_path("config", source))
+        return load_config(path_text("config", source))
     if isinstance(source, Mapping):
         import yaml
 
@@ -51,7 +58,7 @@ def _config(source: str | os.PathLike[str] | Mapping[str, Any] | Config) -> Conf
     return source
 
 
-def _path(name: str, value: object) -> str:
+def path_text(name: str, value: object) -> str:
     """An argument as text. Raises TypeError, naming it."""
     text = os.fspath(value) if isinstance(value, os.PathLike) else value
     if not isinstance(text, str):
@@ -59,9 +66,9 @@ def _path(name: str, value: object) -> str:
     return text
 
 
-def _runs(runs: object) -> str | None:
+def runs_text(runs: object) -> str | None:
     """The folder of the runs as given. Raises TypeError."""
-    return None if runs is None else _path("runs", runs)
+    return None if runs is None else path_text("runs", runs)
 
 
 def _plain(value: Any) -> Any:
@@ -75,14 +82,19 @@ def _plain(value: Any) -> Any:
     return os.fspath(value) if isinstance(value, os.PathLike) else value
 
 
-def load_state(ref: str | os.PathLike[str], runs: str | os.PathLike[str] | None = None) -> StateRecord:
+def load_state(ref: str | os.PathLike[str], runs: str | os.PathLike[str] | None = None) -> OpenState:
     """Read the state that `ref` names: RUN:LABEL, RUN@b=0.5,N=400, or the path of its HDF5 file.
 
     Where N is left out the finest certified state is meant, and of several with one N the latest. Raises
     UsageError when it names none, StoreError when the file is damaged, TypeError where `ref` or `runs` is
     neither text nor a path.
     """
-    return open_state(ref, runs)[1]
+    from ribbon_cli.api.state import OpenState
+
+    taken: list[str] = []
+    run, record, path = open_state(ref, runs, taken.append)
+    choice = taken[0].removeprefix(f"{ref}: ") if taken else ""
+    return OpenState.of(record, run, path, choice)
 
 
 def open_state(
@@ -96,7 +108,7 @@ def open_state(
     """
     from ribbon_cli.store import decode, resolve_state, runs_root
 
-    run, label, path = resolve_state(runs_root(_runs(runs)), _path("ref", ref), tell)
+    run, label, path = resolve_state(runs_root(runs_text(runs)), path_text("ref", ref), tell)
     if path.suffix == ".npz":
         raise UsageError(f"{path}: an npz file holds no certificate or provenance: name the state it is from")
     if run is None or label is None:

@@ -1,0 +1,123 @@
+"""How states and runs show themselves: in a line, and as HTML in notebooks.
+
+Whether there is a certificate, and whether a band meets itself, is said wherever a state is.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from ribbon_cli import digits
+from ribbon_cli.errors import RibbonError
+from ribbon_cli.export.words import MEETS_ITSELF, verdict
+from ribbon_cli.pages import html
+from ribbon_cli.plot.figure import reference, state_caption
+from ribbon_cli.store import content_sha256
+from ribbon_cli.text import visible
+
+if TYPE_CHECKING:
+    from ribbon_cli.api.run import OpenRun
+    from ribbon_cli.api.state import OpenState
+
+SHOWN = 12
+"""Most states that a run's display lists."""
+
+
+def state_text(state: OpenState) -> str:
+    """A state in a line."""
+    taken = f"; {state.choice}" if state.choice else ""
+    return visible(f"<state {state_caption((state,), state.run_name)}{taken}>")
+
+
+def state_html(state: OpenState) -> str:
+    """A state as a small table."""
+    linking = "Tw + Wr" if state.seam_open else "Lk"
+    rows: list[tuple[str, html.Cell]] = [
+        ("certificate", (verdict(state), _mark(state.certified and state.kind != "auxiliary"))),
+        ("self-contact", (MEETS_ITSELF, "no") if state.self_contact else "none"),
+        ("b", f"{state.half_width:.10g}"),
+        ("N", str(state.segments)),
+        ("E", digits.energy(state.energy)),
+        (linking, _number(state.linking_number)),
+        ("clearance", f"{state.clearance:.4g}"),
+        ("residuals", f"gradient {state.kkt_residual:.1e}, constraints {state.constraint_residual:.1e}"),
+        ("stage", state.stage),
+        ("sha256", content_sha256(state)[:12]),
+    ]
+    if state.choice:
+        rows.append(("taken", state.choice))
+    head = (f"state {reference(state, state.run_name)}", state.kind)
+    return html.table(head, rows)
+
+
+def run_text(run: OpenRun) -> str:
+    """A run in a line."""
+    try:
+        states, lost = run.found()
+    except RibbonError as error:
+        return visible(f"<run {run.name}: {error}>")
+    return visible(f"<run {run.name}: {_counts(states, len(run.entries()), len(lost))}; {run.path}>")
+
+
+def run_html(run: OpenRun) -> str:
+    """A run as a table of its equilibria, the last ones of many."""
+    try:
+        states, lost = run.found()
+    except RibbonError as error:
+        return html.paragraph(f"run {run.name}: {error}")
+    head = ("label", "b", "N", "E", "status", "Lk", "self-contact", "certificate")
+    title = html.paragraph(f"run {run.name}: {_counts(states, len(run.entries()), len(lost))}")
+    left = len(states) - SHOWN
+    more = html.paragraph(f"the last {SHOWN}; `run.table()` has {left} before them") if left > 0 else ""
+    return title + html.table(head, [_row(state) for state in states[-SHOWN:]]) + more
+
+
+def _row(state: Mapping[str, Any]) -> list[str | tuple[str, str]]:
+    """The row of an equilibrium."""
+    energy, linking, certified = state["energy"], state["linking_number"], state["certified"]
+    return [
+        (str(state["label"]), "n"),
+        (f"{state['half_width']:.10g}", "n"),
+        (str(state["segments"]), "n"),
+        ("-" if energy is None else digits.energy(energy), "n"),
+        str(state["status"]),
+        "-" if linking is None else _number(linking),
+        (MEETS_ITSELF, "no") if state["self_contact"] else "none",
+        ("certified", "yes") if certified else ("no certificate", "no"),
+    ]
+
+
+def _counts(states: Sequence[Mapping[str, Any]], stored: int, lost: int) -> str:
+    """How many states there are, of which kinds, and where."""
+    if not states:
+        return f"no equilibria, {stored} other states"
+    certified = sum(bool(state["certified"]) for state in states)
+    meeting = sum(bool(state["self_contact"]) for state in states)
+    widths = sorted({state["half_width"] for state in states})
+    meshes = sorted({state["segments"] for state in states})
+    words = [
+        f"{certified} of {len(states)} equilibria certified",
+        f"{meeting} in self-contact without forces" if meeting else "none in self-contact",
+        f"{lost} with files lost or damaged" if lost else "",
+        f"b = {_span(widths)}",
+        f"N = {_span(meshes)}",
+        f"{stored - len(states)} other states",
+    ]
+    return ", ".join(filter(None, words))
+
+
+def _span(values: Sequence[float]) -> str:
+    """Ascending values, or their ends where they are many."""
+    texts = [f"{value:.10g}" for value in values]
+    return ", ".join(texts) if len(texts) <= 4 else f"{texts[0]} to {texts[-1]} ({len(texts)})"
+
+
+def _number(value: float) -> str:
+    """A linking number; rounding errors of zero are zero."""
+    return f"{round(value, 4) + 0.0:g}" if math.isfinite(value) else "-"
+
+
+def _mark(good: bool) -> str:
+    return "yes" if good else "no"

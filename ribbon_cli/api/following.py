@@ -1,0 +1,138 @@
+"""Branches: what to ask for when a state is followed in width, and what comes of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, fields
+from typing import TYPE_CHECKING
+
+from ribbon_cli import digits
+from ribbon_cli.api.extras import extra
+from ribbon_cli.config import STOPS, Arclength
+from ribbon_cli.errors import UsageError
+from ribbon_cli.export.words import MEETS_ITSELF
+from ribbon_cli.pages import html
+from ribbon_cli.store import suggest
+from ribbon_cli.study.outcome import CoursePoint
+from ribbon_cli.text import visible
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+    from ribbon_cli.api.run import OpenRun
+    from ribbon_cli.api.state import OpenState
+    from ribbon_cli.study import Course, Outcome
+
+
+def request(
+    to: float,
+    arclength: bool = False,
+    back_to: float | None = None,
+    both: bool = False,
+    at: Sequence[float] = (),
+    stop_at: Sequence[str] = (),
+    max_step: float | None = None,
+    steps: int | None = None,
+    switch: int | None = None,
+) -> Arclength:
+    """What `ribbon continue` is asked for. Raises UsageError for options that do not go together."""
+    for option, value in (("--max-step", max_step), ("--steps", steps)):
+        if value is not None and not 0 < value < math.inf:
+            raise UsageError(f"{option}: must be positive, got {value:g}")
+    own = {"--back-to": back_to, "--both": both, "--max-step": max_step, "--steps": steps, "--switch": switch}
+    given = [option for option, value in own.items() if value]
+    if not arclength and given:
+        raise UsageError(f"{given[0]} needs --arclength")
+    for word in stop_at:
+        if word not in STOPS:
+            known = f"known: {', '.join(STOPS)}"
+            raise UsageError(f"no event {word!r} to stop at ({known}){suggest(word, STOPS)}")
+    if not arclength and {"fold", "stability-lost"} & set(stop_at):
+        raise UsageError("--stop-at fold and --stop-at stability-lost need --arclength")
+    if both and back_to is None:
+        raise UsageError("--both needs --back-to B, the half-width to go to the other way")
+    default = Arclength(to)
+    return Arclength(
+        to=to,
+        back_to=back_to,
+        both=both,
+        at=tuple(at),
+        max_step=max_step or default.max_step,
+        steps=steps or default.steps,
+        stop_at=tuple(word for word in STOPS if word in stop_at),
+        switch=switch or 0,
+    )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Followed:
+    """The branches that were followed from a state, and the run that they are in.
+
+    `outcome` holds their points and ends as `ribbon continue --json` tells them.
+    """
+
+    run: OpenRun
+    outcome: Outcome
+
+    @property
+    def branches(self) -> tuple[Course, ...]:
+        """Each branch with its points, and why and where it ends."""
+        return self.outcome.branches
+
+    @property
+    def states(self) -> tuple[OpenState, ...]:
+        """The states at the first branch's points, in order; their files are read."""
+        return tuple(self.run.state(point.label) for point in self.branches[0].points)
+
+    def table(self) -> DataFrame:
+        """A row a point: branch, label, b, energy, index, contact and so on. Raises ImportError without
+        pandas.
+        """
+        pandas = extra("pandas", "followed.table()")
+        rows = [{"branch": c.name} | asdict(point) for c in self.branches for point in c.points]
+        table = pandas.DataFrame(rows, columns=["branch", *_columns()])
+        for name in ("negative_eigenvalues", "index_before", "index_after"):
+            table[name] = table[name].astype("Int64")
+        numbers = ("lowest_eigenvalue", "sliding_overlap", "linking_number", "clearance", "arclength")
+        return table.astype(dict.fromkeys(("half_width", "energy", *numbers), "float64"))
+
+    def _lines(self) -> list[str]:
+        """A line on each branch."""
+        lines = []
+        for c in self.branches:
+            points = f"{len(c.points)} point{'s' * (len(c.points) != 1)}{_contacts(c)}"
+            lines.append(f"{c.name}: {points}, ends at b = {c.half_width:.12g} ({c.reason}): {c.message}")
+        return lines
+
+    def __repr__(self) -> str:
+        return visible(f"<followed in {self.run.name}: {'; '.join(self._lines())}>")
+
+    def _repr_html_(self) -> str:
+        head = ("label", "type", "b", "E", "status", "negative eigenvalues", "self-contact")
+        parts = []
+        for line, course in zip(self._lines(), self.branches, strict=True):
+            rows: list[tuple[html.Cell, ...]] = [
+                (
+                    (str(point.label), "n"),
+                    point.type,
+                    (f"{point.half_width:.10g}", "n"),
+                    (digits.energy(point.energy), "n"),
+                    point.status,
+                    "-" if point.negative_eigenvalues is None else str(point.negative_eigenvalues),
+                    (MEETS_ITSELF, "no") if point.self_contact else "none",
+                )
+                for point in course.points
+            ]
+            parts += [html.paragraph(line), html.table(head, rows)]
+        return "".join(parts)
+
+
+def _columns() -> list[str]:
+    return [field.name for field in fields(CoursePoint)]
+
+
+def _contacts(course: Course) -> str:
+    """Words on the points of a branch at which the band meets itself."""
+    meeting = sum(point.self_contact for point in course.points)
+    return f" ({meeting} of them in self-contact without forces)" if meeting else ""

@@ -1,0 +1,18 @@
+"""Kinds of picture and formats of export by name, without what draws and writes them: help lists them."""
+
+from __future__ import annotations
+
+PLOT_KINDS = (
+    "shape",
+    "geometry",
+    "multipliers",
+    "spectrum",
+    "convergence",
+    "branch",
+    "family",
+    "mode",
+    "pattern",
+)
+"""Kinds of picture, as in `plot.kinds.KINDS`."""
+EXPORT_FORMATS = ("npz", "vtkhdf", "obj", "stl", "ply", "glb", "csv", "json", "svg", "pdf", "fold", "html")
+"""Formats of `export.formats` and npz, which are the files' suffixes as well."""
