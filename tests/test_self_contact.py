@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 from dataclasses import replace
 from pathlib import Path
 
@@ -80,6 +81,9 @@ def test_the_file_says_so_where_it_carries_notes(folder, form):
             assert MEETS_ITSELF in file["VTKHDF"].attrs["Description"].decode()
     elif form == "json":
         assert b'"self_contact": true' in path.read_bytes()
+    elif form == "csv":
+        with path.open() as file:
+            assert {row["self_contact"] for row in csv.DictReader(file)} == {"True"}
     else:
         data = path.read_bytes()
         assert (b"self-contact" in data[:80]) if form == "stl" else (MEETS_ITSELF.encode() in data)

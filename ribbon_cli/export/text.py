@@ -19,7 +19,16 @@ if TYPE_CHECKING:
 
 _ARRAYS = ("u", "g", "xi", "g_end", "midline", "kappa_s", "tau", "eta", "eta_prime")
 _MULTIPLIERS = ("lambda_1", "lambda_2", "lambda_3", "lambda_4", "lambda_5", "gamma")
-_OF_STATE = ("half_width", "length", "segments", "sigma", "linking_number", "energy", "certified")
+_OF_STATE = (
+    "half_width",
+    "length",
+    "segments",
+    "sigma",
+    "linking_number",
+    "energy",
+    "certified",
+    "self_contact",
+)
 
 
 def csv_bytes(record: StateRecord, run: str | None) -> bytes:
