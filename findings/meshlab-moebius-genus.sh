@@ -2,8 +2,8 @@
 # Guess: topological measures tell a Moebius band from a disk, or say that it cannot be oriented; and the
 #   filter that orients faces coherently fails on a one-sided surface, or warns.
 # Version: pymeshlab 2025.7.post1, numpy 2.4.6.
-# Behaviour: "genus" is (2 - holes - V + E - F) / 2 as for an orientable surface, cut to a whole number. A
-#   Moebius band has V - E + F = 0 and one hole, which gives 1/2 and so 0: two-manifold, one part, one hole,
+# Behaviour: "genus" is a whole number, as if the surface could be oriented. A Moebius band has V - E + F = 0 and
+#   one hole, so that (2 - holes - V + E - F) / 2 is 1/2, and what is given is 0: two-manifold, one part, one hole,
 #   genus 0, all of it as of a disk. The filter meshing_re_orient_faces_coherently returns without a word;
 #   some neighbours still are opposed.
 # What to do: compute V - E + F from the three counts beside it (1 of a disk, 0 of this), and count edges that

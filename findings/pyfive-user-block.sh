@@ -5,8 +5,7 @@
 # Behaviour: names, shapes and types are right, and the numbers of contiguous datasets are taken from as many
 #   bytes before their place as the user block is long. Nothing is raised. With the oldest layout (h5py's
 #   default) it raises AssertionError.
-# What to do: read such files by h5py, h5netcdf or netCDF4; or strip the block into a copy (h5unjam) for
-#   pyfive.
+# What to do: read such files by h5py or netCDF4.
 # Seen:
 #   user block    0: x = [0.5 1.5 2.5], energy = 3.25
 #   user block  512: x = [0. 0. 0.], energy = 0.0
