@@ -208,7 +208,7 @@ def refined(ring, tmp_path_factory):
         ["verify", "ring@b=0.1"],
         ["verify", "ring@b=0.1", "--continuum"],
         ["spectrum", "ring@b=0.1"],
-        ["compare", "ring@b=0.1", "ring:1"],
+        ["compare", "ring@b=0.1", "ring@b=0.1,N=24"],
         ["export", "ring@b=0.1", "--to", "npz", "-o", "x.npz", "--overwrite"],
         ["plot", "ring@b=0.1", "spectrum", "-o", "x.svg", "--overwrite"],
         ["plot", "ring:1", "spectrum", "--with", "ring@b=0.1", "-o", "x.svg", "--overwrite"],

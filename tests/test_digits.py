@@ -96,6 +96,7 @@ def test_listings_of_small_energies_keep_their_digits():
         "status": "minimum",
         "kind": "equilibrium",
         "linking_number": 0.5,
+        "self_contact": False,
         "kkt_residual": 1e-15,
         "constraint_residual": 1e-15,
         "certified": True,

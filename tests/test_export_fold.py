@@ -145,11 +145,9 @@ def test_mountains_are_those_of_the_fold_pattern(solved):  # noqa: F811
     for name in ("mobius", "ring"):
         state = states_of(solved, name)[-1]
         flat, _ = frames_of(fold_bytes(state, "a band", None))
-        printed = lines(pattern_svg(fold_pattern(state, state.length), "a band"), "fold")
+        printed = lines(pattern_svg(fold_pattern(state, state.length), "a band"), "data-node")
         letters = {"mountain": "M", "valley": "V", "flat": "F"}
-        assert [letters[a["class"].split()[1]] for a, _ in printed] == flat["edges_assignment"][
-            1 : len(printed) + 1
-        ]
+        assert [letters[a["class"]] for a, _ in printed] == flat["edges_assignment"][1 : len(printed) + 1]
         angles = [-float(a["data-angle"]) for a, _ in printed]
         np.testing.assert_allclose(flat["edges_foldAngle"][1 : len(printed) + 1], angles, atol=1e-9)
         ends = coordinates(flat)[flat["edges_vertices"][1 : len(printed) + 1]][:, ::-1, :2]

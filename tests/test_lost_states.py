@@ -9,11 +9,10 @@ from pathlib import Path
 import pytest
 
 from ribbon_cli.config import parse_config
-from ribbon_cli.report.comparison import compare_runs
 from ribbon_cli.solver.status import Status
 from ribbon_cli.store import Run
 from ribbon_cli.store.log import format_line
-from ribbon_cli.study import solve_config, stepping
+from ribbon_cli.study import judge_runs, solve_config, stepping
 
 SPECTRUM = "spectrum: {modes: 0, full_up_to: 0}\n"
 
@@ -86,7 +85,7 @@ def test_whichever_state_is_lost_the_study_ends_the_same(text, tmp_path, short_s
         assert again.failures == (), stage
         # A halved step on the way to what is there is not needed any more.
         assert again.new_states == ("0.25/1" not in stage and "0.625/1" not in stage and "way" not in stage)
-        pairs = compare_runs(whole, Run.open(run.path))
+        pairs = judge_runs(whole, Run.open(run.path))
         assert all(pair.equal for pair in pairs if pair.stage != stage or again.new_states), stage
         with monkeypatch.context() as patch:
             patch.delattr(Run, "writing")  # what is finished is passed over without the lock
@@ -127,7 +126,7 @@ def test_the_state_before_a_halved_step_may_be_lost(tmp_path, short_steps, monke
     run = Run.open(tmp_path / "killed" / whole.name)
     lose(run, stages(run)["twisted band freed"])
     assert solve_config(config, tmp_path / "killed").failures == ()
-    assert all(pair.equal for pair in compare_runs(whole, Run.open(run.path)))
+    assert all(pair.equal for pair in judge_runs(whole, Run.open(run.path)))
 
 
 def test_events_of_a_branch_that_were_lost_are_met_again(tmp_path):
