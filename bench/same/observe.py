@@ -54,12 +54,13 @@ def observe(case: Case, build: Build, folder: Path) -> Observation:
     folder.mkdir(parents=True)
     # In a folder whose name is always as long: lines with it in them break at the same places.
     work = Path(tempfile.mkdtemp(prefix="same-")).resolve()
-    for name, data in case.files.items():
-        path = work / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(data)
-    steps = [_run(step, build, work) for step in case.steps]
-    shutil.move(work, folder / WORK)
+    try:
+        for name, data in case.files.items():
+            (work / name).write_bytes(data)
+        steps = [_run(step, build, work) for step in case.steps]
+        shutil.copytree(work, folder / WORK, symlinks=True)
+    finally:
+        shutil.rmtree(work)
     places = (str(work), str(build.tree))
     notes = {"places": places, "steps": [asdict(step) for step in steps]}
     # Written last: a folder without it is of an observation that did not end.
