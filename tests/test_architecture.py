@@ -17,6 +17,7 @@ MODULES = sorted(PACKAGE.rglob("*.py"))
 RANKS = {
     "errors": 0,
     "digits": 0,
+    "facts": 0,
     "expression": 0,
     "text": 0,
     "model": 1,

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import signal
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from cli_support import content_hashes, ribbon, ribbon_json, spawn, states_on_disk, stop_after
 
 from ribbon_cli.config import Arclength, ConfigError, load_config, parse_config
+from ribbon_cli.solver.status import Status
+from ribbon_cli.store import Run
+from ribbon_cli.study import stepping
 
 DATA = Path(__file__).parent / "data"
 FOLD = 0.112567997723
@@ -156,7 +160,7 @@ def test_continue_from_a_saddle(given):
     assert (back["points"][-1]["index_before"], back["points"][-1]["index_after"]) == (1, 0)
 
 
-def test_natural_continuation_stops_before_the_fold(given):
+def test_natural_continuation_stops_before_the_fold(given, monkeypatch):
     """It keeps its last good state, and says what it met and what would go on."""
     document = ribbon_json("continue", "one:1", "--to", "0.2", *given, code=3)
     assert document["end"]["reason"] == "step-too-small"
@@ -165,8 +169,29 @@ def test_natural_continuation_stops_before_the_fold(given):
     assert document["end"]["half_width"] < FOLD
     assert document["points"][-1]["half_width"] == document["end"]["half_width"] > 0.11
     assert {point["status"] for point in document["points"]} == {"minimum"}
+    monkeypatch.setattr(stepping, "to_width", None)  # what failed is kept, and is not tried again
     again = ribbon_json("continue", "one:1", "--to", "0.2", *given, code=3)
     assert (again["new_states"], again["end"]) == (0, document["end"])
+
+
+def test_a_step_that_was_halved_is_not_tried_again(given, monkeypatch):
+    """Nor is the lock taken: the halves are stored, and the log keeps which steps failed from where."""
+    honest = stepping.to_width
+
+    def fragile(state, multipliers, half_width, *rest):
+        move = honest(state, multipliers, half_width, *rest)
+        if half_width - state.band.half_width > 0.006:
+            return replace(move, result=replace(move.result, status=Status.ITERATION_LIMIT))
+        return move
+
+    monkeypatch.setattr(stepping, "to_width", fragile)
+    words = ("continue", "one:1", "--to", "0.108", *given)
+    document = ribbon_json(*words)
+    assert [point["type"] for point in document["points"]] == ["step", "width"]
+    monkeypatch.setattr(stepping, "to_width", None)
+    monkeypatch.delattr(Run, "writing")
+    again = ribbon_json(*words)
+    assert (again["new_states"], again["points"]) == (0, document["points"])
 
 
 def test_natural_continuation_meets_widths_and_locates_contact(tmp_path):

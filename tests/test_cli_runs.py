@@ -15,8 +15,9 @@ from store_support import make_record, make_run, relative_files
 
 from ribbon_cli.config import dump_resolved, parse_config
 from ribbon_cli.store import Run, encode, write_atomic
+from ribbon_cli.study.failure import Failure
 from ribbon_cli.study.repeat import by_command
-from ribbon_cli.study.steps import Steps
+from ribbon_cli.study.walk import Walk
 
 FROZEN = Path(__file__).parent / "data" / "format-1.0"
 NAME = "frozen-3b93991c"
@@ -289,7 +290,7 @@ def test_a_rerun_that_does_not_come_to_a_level_is_not_the_same(tmp_path, monkeyp
     Path("ring.yaml").write_text(QUICK_RING)
     assert ribbon("solve", "ring.yaml", "-q").exit_code == 0
     assert ribbon("refine", "ring:1", "--to", "20", "-q").exit_code == 0
-    monkeypatch.setattr(Steps, "refine", lambda *words: "made to fail")
+    monkeypatch.setattr(Walk, "refine", lambda *words: Failure("solve", None, "made to fail", {"stage": "N"}))
     document = ribbon_json("rerun", "ring", code=3)
     assert not document["equal"]
     assert [state["equal"] for state in document["states"]] == [True, False, True, False]

@@ -109,11 +109,12 @@ def test_without_contact_nothing_is_located(tmp_path: Path) -> None:
 def test_a_step_that_fails_is_told_and_the_schedule_goes_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from ribbon_cli.study import contact as module
+    from ribbon_cli.study import stepping as module
 
-    def blocked(state, multipliers, half_width, options):
-        move = to_width(state, multipliers, half_width, options)
-        return replace(move, result=replace(move.result, status=Status.STALLED))
+    def blocked(state, multipliers, half_width, *rest):
+        move = to_width(state, multipliers, half_width, *rest)
+        named = half_width in (0.65, 0.68)
+        return move if named else replace(move, result=replace(move.result, status=Status.STALLED))
 
     monkeypatch.setattr(module, "to_width", blocked)
     outcome = solved(tmp_path)

@@ -145,3 +145,26 @@ def test_events_of_a_branch_that_were_lost_are_met_again(tmp_path):
     ]
     assert solve_config(config, tmp_path).branches == again.branches
     assert solve_config(config, tmp_path).new_states == 0
+
+
+MET = f"""\
+name: met
+topology: {{half_twists: -1}}
+initial_guess: {{state: {Path(__file__).parent / "data" / "pi-b0.1-N50-saddle.npz"}}}
+"""
+
+
+def test_a_saddle_that_is_lost_is_met_again(tmp_path):
+    """Though the state that ended its stage is stored: that one stays, and the saddle is as it was."""
+    config = parse_config(MET + SPECTRUM, "band.yaml")
+    whole = solve_config(config, tmp_path).run
+    (saddle,) = (state for state in whole.states(all=True) if state["kind"] == "saddle")
+    before = whole.load(saddle["label"])
+    lose(Run.open(whole.path), saddle["label"])
+    again = solve_config(config, tmp_path)
+    assert again.new_states == 1
+    (met,) = (state for state in again.run.states(all=True) if state["kind"] == "saddle")
+    assert met["stage"] == saddle["stage"]
+    assert again.run.load(met["label"]).energy == before.energy
+    assert [target.label for target in again.targets] == [1 + saddle["label"]]
+    assert solve_config(config, tmp_path).new_states == 0

@@ -10,7 +10,7 @@ import pytest
 from cli_support import ribbon, ribbon_json
 
 from ribbon_cli.solver.status import Status
-from ribbon_cli.study.remedies import remedied
+from ribbon_cli.study.failure import Failure
 
 SECOND = Path(__file__).parent / "data" / "pi-b0.1-N50-second-minimum.npz"
 CONFIG = "name: band\ntopology: {half_twists: 1}\ninitial_guess: {state: open.npz}\n"
@@ -76,12 +76,12 @@ def test_a_fold_in_a_schedule_names_the_command_that_goes_around_it(opened):
 
 @pytest.mark.parametrize("status", [s for s in Status if s not in (Status.MINIMUM, Status.CONSTRUCTED)])
 def test_every_status_that_is_no_success_says_what_to_do(status):
-    message = remedied(status.sentence, status, "`steps` of the recipe")
-    assert message.startswith(f"{status.sentence} ")
+    message = Failure("solve", status, "", {"stage": "b = 0.5"}, "`steps` of the recipe").sentence
+    assert message.startswith(f"b = 0.5: {status.sentence} ")
     assert message.endswith(".")
 
 
 def test_passing_through_itself_names_steps_mesh_and_recipe():
-    message = remedied(Status.LEFT_TOPOLOGY.sentence, Status.LEFT_TOPOLOGY, "`steps` of the recipe")
+    failure = Failure("solve", Status.LEFT_TOPOLOGY, "", {"stage": "b = 0.5"}, "`steps` of the recipe")
     for word in ("smaller steps (`steps` of the recipe)", "more segments N", "another recipe"):
-        assert word in message
+        assert word in failure.sentence

@@ -11,6 +11,8 @@ import math
 from dataclasses import dataclass
 from enum import Enum
 
+from ..facts import Event as Happening
+from ..facts import event as happening
 from .arclength import (
     CorrectorError,
     Point,
@@ -95,8 +97,7 @@ class End:
 class Advance:
     """One step: its events in order, and its end point with the tangent there, unless the branch ends before.
 
-    `length` is the step's, `following` that to be tried next. `refused` says, a line each, why longer steps
-    were not taken.
+    `length` is the step's, `following` that to be tried next. `refused` says why longer steps were not taken.
     """
 
     events: tuple[Event, ...]
@@ -104,13 +105,13 @@ class Advance:
     tangent: Tangent | None
     length: float
     following: float
-    refused: tuple[str, ...]
+    refused: tuple[Happening, ...]
     end: End | None
 
 
 def advance(base: Point, tangent: Tangent, length: float, options: BranchOptions) -> Advance:
     """Take one step from a point of a branch along its unit tangent, of `length` or shorter."""
-    refused: list[str] = []
+    refused: list[Happening] = []
     length = min(max(length, options.least_step), options.largest_step)
     while True:
         try:
@@ -118,7 +119,7 @@ def advance(base: Point, tangent: Tangent, length: float, options: BranchOptions
             found = events_of(segment, (*options.widths, options.low, options.high))
             break
         except ArithmeticError as error:  # those of corrector, factorisation, location, and division by zero
-            refused.append(f"a step of {length:.3g} from b = {base.half_width:.12g} was refused: {error}")
+            refused.append(happening("step-refused", length=length, start=base.half_width, why=error))
             if length <= options.least_step:
                 stuck = End(Reason.STEP_TOO_SMALL, base.half_width, str(error))
                 return Advance((), None, None, 0.0, 0.0, tuple(refused), stuck)
@@ -172,21 +173,31 @@ def _factor(segment: Segment) -> float:
 def _until_end(found: tuple[Event, ...], options: BranchOptions) -> tuple[tuple[Event, ...], End | None]:
     """The events up to the first that ends the branch, and the end."""
     for k, event in enumerate(found):
-        reason = _ends(event, options)
+        reason = reason_to_end(
+            options,
+            event.type,
+            event.point.half_width,
+            loses=event.loses_stability,
+            begins=event.begins,
+        )
         if reason is not None:
             return found[: k + 1], End(reason, event.point.half_width)
     return found, None
 
 
-def _ends(event: Event, options: BranchOptions) -> Reason | None:
-    """Why the branch ends at an event, if it does."""
+def reason_to_end(
+    options: BranchOptions, type: str, half_width: float, *, loses: bool, begins: bool
+) -> Reason | None:
+    """Why a branch ends at an event of a type, if it does; whether it `loses` stability there, or contact
+    `begins`.
+    """
     wanted = options.stop_at
-    if event.type == "fold" and Reason.FOLD in wanted:
+    if type == "fold" and Reason.FOLD in wanted:
         return Reason.FOLD
-    if event.loses_stability and Reason.STABILITY_LOST in wanted:
+    if loses and Reason.STABILITY_LOST in wanted:
         return Reason.STABILITY_LOST
-    if event.type == "contact" and event.begins and Reason.CONTACT in wanted:
+    if type == "contact" and begins and Reason.CONTACT in wanted:
         return Reason.CONTACT
-    if event.type == "width" and event.point.half_width in (options.low, options.high):
+    if type == "width" and half_width in (options.low, options.high):
         return Reason.RANGE
     return None

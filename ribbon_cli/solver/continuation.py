@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
 
+from ..facts import Event, event
 from ..model.band import Array, Band, State
 from ..model.folding import ClosureError
 from ..model.problem import Problem
@@ -35,7 +36,7 @@ class Move:
     band: Band
     saddles: tuple[SaddleMet, ...]
     method: str
-    events: tuple[str, ...]
+    events: tuple[Event, ...]
     steps: int
 
 
@@ -45,7 +46,7 @@ class _Trail:
 
     options: Options
     saddles: list[SaddleMet] = field(default_factory=list)
-    events: list[str] = field(default_factory=list)
+    events: list[Event] = field(default_factory=list)
     steps: int = 0
 
     @property
@@ -73,18 +74,16 @@ class _Trail:
     def settle(self, saddle: Result, method: str) -> Move:
         """From a saddle to a minimum: to the twin of the other grid phase, else along the way down."""
         band, other = saddle.state.band, _other(phase_of(saddle.state))
-        words = _words(saddle)
+        met = {"index": saddle.negative, "energy": saddle.energy}
         if saddle.negative == 1:
             try:
                 twin = self.solve(smooth(saddle.state, band.segments, other).state, None, leaving=False)
             except ClosureError:
                 twin = saddle
             if twin.certified and twin.energy < saddle.energy:
-                self.events.append(
-                    f"grid phase: {words}, its twin with the inflection on a {other.value} is the minimum"
-                )
+                self.events.append(event("phase-twin", **met, phase=other.value))
                 return self.move(twin, method)
-        self.events.append(f"{words}, left along its negative direction")
+        self.events.append(event("saddle-left", **met))
         return self.move(self.solve(saddle.state, saddle.multipliers, leaving=True), method)
 
 
@@ -106,10 +105,6 @@ def _ended_on(result: Result) -> tuple[SaddleMet, ...]:
 def _same(a: SaddleMet, b: SaddleMet) -> bool:
     """Whether two saddles are one, met twice: same index, same energy to roundoff."""
     return a.index == b.index and abs(a.energy - b.energy) <= 1e-11 * abs(a.energy)
-
-
-def _words(saddle: Result) -> str:
-    return f"met a saddle of index {saddle.negative} at E = {saddle.energy:.12g}"
 
 
 def _other(phase: Phase) -> Phase:
@@ -134,7 +129,7 @@ def to_width(
         return trail.move(replace(result, status=Status.LEFT_BRANCH), method)
     phases = clear_phase(state), clear_phase(result.state)
     if result.status is Status.MINIMUM and phases[1] is not None and slid(*phases):
-        trail.events.append(f"grid phase: slid until the inflection sat on a {phases[1].value}")
+        trail.events.append(event("phase-slid", phase=phases[1].value))
     return trail.settle(result, method) if result.status is Status.SADDLE else trail.move(result, method)
 
 
@@ -167,7 +162,7 @@ def to_segments(state: State, segments: int, options: Options, *, splitting: boo
         start_split = split(state)
         return trail.move(trail.solve(start_split.state, None, leaving=True), start_split.method)
     if not ends:
-        raise ClosureError("; ".join(trail.events))
+        raise ClosureError("; ".join(map(str, trail.events)))
     return trail.move(*ends[0])
 
 
@@ -176,11 +171,13 @@ def _attempt(trail: _Trail, make: Callable[[], Start]) -> tuple[Result, str] | N
     try:
         start = make()
     except ClosureError as error:
-        trail.events.append(f"smooth prolongation: {error}")
+        trail.events.append(event("no-start", why=error))
         return None
     result = trail.solve(start.state, None, leaving=False)
     if result.status is Status.SADDLE:
-        trail.events.append(f"{start.method}: {_words(result)}")
+        met = {"index": result.negative, "energy": result.energy}
+        trail.events.append(event("start-saddle", method=start.method, **met))
     elif not result.certified:
-        trail.events.append(f"{start.method}: {result.status.value} after {result.steps} steps")
+        facts = {"method": start.method, "status": result.status.value, "steps": result.steps}
+        trail.events.append(event("start-failed", **facts))
     return result, start.method

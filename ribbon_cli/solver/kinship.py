@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..facts import Event, event
 from ..model.band import State
 from ..model.folding import ClosureError
 from ..model.problem import Problem
@@ -26,24 +27,24 @@ SAME_ENERGY = 1e-9
 """Relative difference of energies up to which two minima on one grid are the same."""
 
 
-def another_minimum(coarse: State, fine: State, options: Options) -> str:
-    """Why a minimum is not that of another grid refined; empty if it is.
+def another_minimum(coarse: State, fine: State, options: Options) -> Event | None:
+    """Why a minimum is not that of another grid refined; None if it is.
 
     It is where it lies near the other's smooth prolongation. Elsewhere it is taken back to the other's grid,
     prolonged and solved there: one band's minima return to the same energy to all digits.
     """
     if _near(coarse, fine):
-        return ""
+        return None
     n, energy = coarse.band.segments, Problem(coarse.band).energy(coarse.vector())
     try:
         back = to_segments(fine, n, replace(options, watch=None)).result
     except ClosureError as error:
-        return f"another minimum, perhaps: it cannot be taken back to N = {n} ({error})"
+        return event("another-minimum-unproved", segments=n, why=error)
     if not back.certified:
-        return f"another minimum, perhaps: taken back to N = {n}, it ends as {back.status.value}"
+        return event("another-minimum-perhaps", segments=n, status=back.status.value)
     if abs(back.energy - energy) <= SAME_ENERGY * abs(energy):
-        return ""
-    return f"another minimum: taken back to N = {n} it has E = {back.energy:.9g}, not {energy:.9g}"
+        return None
+    return event("another-minimum", segments=n, energy=back.energy, expected=energy)
 
 
 def _near(coarse: State, fine: State) -> bool:

@@ -40,6 +40,12 @@ _BRANCH_END = {
     "half_width": frozenset({int, float}),
     "message": frozenset({str}),
 }
+_STAGE_GIVEN_UP = {
+    "stage": frozenset({str}),
+    "parent": frozenset({int}),
+    "status": frozenset({str}),
+    "detail": frozenset({str}),
+}
 _POSITIVE = ("half_width", "segments", "length")
 _VERSION = re.compile(r"[1-9]\d{0,3}\.\d{1,4}")
 _LARGEST = 2**63
@@ -48,6 +54,9 @@ LABELS = 10**12
 """Bound of the labels that a line may name."""
 REMOVED = "states-removed"
 """The event that takes states out of a run: once it is in the log they are gone, whatever files are left."""
+
+GIVEN_UP = "stage-given-up"
+"""The event of a stage that was not reached from a state, and that the same command need not try again."""
 
 
 def check_event(entry: Any) -> dict[str, Any]:
@@ -119,6 +128,10 @@ def _branch_end(entry: dict[str, Any]) -> None:
     _require(entry, _BRANCH_END, "is missing, or of another type")
 
 
+def _given_up(entry: dict[str, Any]) -> None:
+    _require(entry, _STAGE_GIVEN_UP, "is missing, or of another type")
+
+
 def _removed(entry: dict[str, Any]) -> None:
     labels, branches = entry.get("labels"), entry.get("branches")
     if not isinstance(labels, list) or not all(map(_is_label, labels)):
@@ -133,6 +146,7 @@ _CHECKS = {
     "state-lost": _lost,
     "ended": _ended,
     "branch-end": _branch_end,
+    GIVEN_UP: _given_up,
     REMOVED: _removed,
 }
 

@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from ..facts import Event, event
 from ..model.band import State
 from ..model.problem import Problem
 from ..recipes.eversion import EversionStage
 from ..recipes.twist import TwistStage
 from ..solver.newton import Options, solve
-from ..solver.status import Result, Status
+from ..solver.status import Status
 from ..store import StateRecord
+from .failure import Failure
 from .plan import MOST_HALVINGS
 from .records import multipliers_of, state_of
-from .remedies import remedied
-from .steps import Steps
+from .walk import Ended, Stage, Walk
 
-Stage = TwistStage | EversionStage
+Turn = TwistStage | EversionStage
 STEPS = "`steps` of the recipe"
 
 
@@ -28,75 +29,56 @@ class Turning:
     `between` makes the stage after so many steps, whole or not; `word` begins the stages' names.
     """
 
-    steps: Steps
+    walk: Walk
     ring: State
     word: str
-    between: Callable[[float], Stage]
+    between: Callable[[float], Turn]
 
-    def run(self, stages: Iterable[Stage]) -> StateRecord | str:
-        """Solve or load all of them; the last one's state, or a sentence why it was not reached."""
+    def run(self, turns: Iterable[Turn]) -> StateRecord | Failure:
+        """Solve or load all of them; the last one's state, or why it was not reached."""
         record: StateRecord | None = None
         # The eversion's first stage turns nothing, and has no step to halve.
         reached: float | None = None if self.word == "eversion" else 0.0
-        for goal in stages:
+        for goal in turns:
             while reached is None or reached < goal.index:
                 step = self._towards(goal, record, reached)
-                if isinstance(step, str):
+                if isinstance(step, Failure):
                     return step
                 record, reached = step
         assert record is not None
         return record
 
     def _towards(
-        self, goal: Stage, record: StateRecord | None, reached: float | None
-    ) -> tuple[StateRecord, float] | str:
-        """Turn to a stage, or as far as halving leads; what was reached, or a sentence why nothing was."""
-        stages = [goal]
+        self, goal: Turn, record: StateRecord | None, reached: float | None
+    ) -> tuple[StateRecord, float] | Failure:
+        """Turn to a stage, or as far as halving leads; what was reached, or why nothing was."""
+        turns = {goal.name: goal}
         if reached is not None:
             parts = (reached + (goal.index - reached) / 2**j for j in range(1, MOST_HALVINGS + 1))
-            stages += [self.between(part) for part in parts]
-        for stage in stages:
-            stored = self.steps.journal.finished(stage.name)
-            if stored is not None:
-                self._begin(stage)
-                return stored, stage.index
-        failures: list[str] = []
-        for stage in stages:
-            self._begin(stage)
-            kept = self._solved(stage, record, failures)
-            if isinstance(kept, StateRecord):
-                return kept, stage.index
-            if reached is None:
-                return remedied(f"{stage.name}: {kept.message}", kept.status, STEPS)
-            failures.append(
-                f"a step from {self.word} {reached:.10g}/{goal.count} to {stage.index:.10g} failed, halved: "
-                f"{kept.message}"
-            )
-            self.steps.journal.note(failures[-1])
-        why = f"no step from {self.word} {reached:.10g}/{goal.count} succeeds: {kept.message}"
-        return remedied(why, kept.status, STEPS)
+            turns |= {turn.name: turn for turn in map(self.between, parts)}
+        band, parent = self.ring.band, None if record is None else record.label
+        stages = [Stage(name, band.half_width, band.segments, "auxiliary", parent) for name in turns]
+        if reached is None:
+            end = self.walk.reach(stages[0], lambda: self._solved(goal, record, ()))
+            return end if isinstance(end, Failure) else (end, goal.index)
+        facts = {"turn": self.word, "start": reached, "count": goal.count}
+        found, failures = self.walk.longest(
+            self.walk.needed(stages),
+            lambda stage, events: self._solved(turns[stage.name], record, events),
+            lambda stage, why: event("turn-halved", **facts, end=turns[stage.name].index, why=why.message),
+        )
+        if found is None:
+            return replace(failures[-1], kind="turn", values=facts)
+        return found, turns[found.stage].index
 
-    def _begin(self, stage: Stage) -> None:
-        self.steps.begin(stage.name, self.ring.band.half_width, self.ring.band.segments)
-
-    def _solved(self, stage: Stage, record: StateRecord | None, failures: list[str]) -> StateRecord | Result:
-        """Solve a stage from the one before and store it; the result alone where it is no minimum."""
+    def _solved(self, turn: Turn, record: StateRecord | None, before: tuple[Event, ...]) -> Ended | Failure:
+        """Solve a stage from the one before; only minima are taken."""
         state = self.ring if record is None else state_of(record)
         multipliers = None if record is None else multipliers_of(record)
-        clock = self.steps.journal.clock()
-        problem = Problem(self.ring.band, stage.prescription)
-        options = Options(guard=stage.guard(), watch=self.steps.progress.step)
+        problem = Problem(self.ring.band, turn.prescription)
+        options = Options(guard=turn.guard(), watch=self.walk.progress.step)
         result = solve(problem, state.vector(), multipliers, options)
         if result.status is not Status.MINIMUM:
-            return result
+            return Failure("solve", result.status, result.detail, {"stage": turn.name}, STEPS)
         rulings = "two prescribed rulings" if self.word == "eversion" else "prescribed rulings"
-        return self.steps.store(
-            problem,
-            result,
-            clock,
-            kind="auxiliary",
-            stage=stage.name,
-            method=f"{self.word}, {rulings}",
-            parent=None if record is None else record.label,
-            events=tuple(failures),
-        )
+        return Ended(problem, result, f"{self.word}, {rulings}", before=before)

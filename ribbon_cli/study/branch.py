@@ -14,8 +14,10 @@ from functools import cached_property
 import numpy as np
 
 from ..config import Arclength
+from ..facts import Event as Happening
+from ..facts import event as happening
 from ..solver.arclength import Point, Tangent, initial_tangent, point_of, tangent_from
-from ..solver.branch import Advance, BranchOptions, End, Reason, advance
+from ..solver.branch import Advance, BranchOptions, End, Reason, advance, reason_to_end
 from ..solver.branch_events import Event
 from ..solver.branch_switch import switch
 from ..solver.singular import lowest_mode, with_multipliers
@@ -23,13 +25,12 @@ from ..store import BranchRecord, StateRecord, summary
 from .acceptance import checked, converged
 from .branch_tables import ENDED, course_point, courses
 from .clock import Clock
+from .failure import Failure
 from .outcome import Course
 from .records import multipliers_of, state_of
 from .repetition import TURNING, repeated, turns
-from .steps import Steps
+from .walk import Ended, Stage, Walk
 
-STATE_TYPES = {"width": "equilibrium"}
-"""Kind of state for a type of point; all others are intermediate."""
 SIDES = ((1, "+"), (-1, "-"))
 
 
@@ -63,8 +64,8 @@ class _Place:
 class Branches:
     """Follows the branches that a request names from a stored state; `courses` are those followed so far."""
 
-    def __init__(self, steps: Steps, request: Arclength, start: StateRecord) -> None:
-        self.steps, self.journal = steps, steps.journal
+    def __init__(self, walk: Walk, request: Arclength, start: StateRecord) -> None:
+        self.walk, self.journal = walk, walk.journal
         self.request, self.start = request, start
         ends = [start.half_width, request.to, *([] if request.back_to is None else [request.back_to])]
         self.options = BranchOptions(
@@ -74,7 +75,7 @@ class Branches:
             stop_at=frozenset(Reason(word) for word in request.stop_at),
             first_step=min(BranchOptions.first_step, request.max_step),
             largest_step=request.max_step,
-            guard=steps.options.guard,
+            guard=walk.options.guard,
         )
         self.courses: list[Course] = []
 
@@ -122,7 +123,7 @@ class Branches:
         stored = self.journal.finished(stage)
         if whole and stored is not None and self.options.low <= stored.half_width <= self.options.high:
             return _place(stored), known, None
-        self.steps.begin(stage, base.half_width, base.segments)
+        self.walk.begin(stage, base.half_width, base.segments)
         clock = self.journal.clock()
         try:
             taken = advance(place.point, place.tangent, place.next_step, self.options)
@@ -130,22 +131,26 @@ class Branches:
             return None, known, End(Reason.STEP_TOO_SMALL, base.half_width, f"no tangent here: {error}")
         if taken.point is not None:
             found = taken.point
-            self.steps.progress.step(found.steps, found.energy, found.worst, found.half_width)
-        self.steps.tell(stage, taken.refused)
+            self.walk.progress.step(found.steps, found.energy, found.worst, found.half_width)
+        self.walk.tell(stage, taken.refused)
         events: list[StateRecord] = []
         for found_on_it in _numbered(taken.events):
-            met, end = self._store_event(stage, found_on_it, place, taken, clock)
-            if met is None:
-                return None, events, end
+            met = self._store_event(stage, found_on_it, place, taken, clock)
+            if isinstance(met, Failure):
+                return None, events, _broken(base, met)
             events.append(met)
         if taken.point is None or taken.tangent is None:
             return None, events, taken.end
-        if stored is not None:
-            return _place(stored), events, None
-        length = place.arclength + taken.length
-        branch = self._branch_record(name, "step", taken.point, taken.tangent, length, taken.following)
-        record, end = self._store(taken.point, stage, branch, place.record, clock, taken.refused)
-        return (None if record is None else _place(record)), events, end
+        point, tangent, length = taken.point, taken.tangent, place.arclength + taken.length
+
+        def ended() -> Ended | Failure:
+            branch = self._branch_record(name, "step", point, tangent, length, taken.following)
+            return self._ended(stage, point, branch, taken.refused)
+
+        record = self.walk.end_of(_stage(stage, point, "step", base), ended, clock)
+        if isinstance(record, Failure):
+            return None, events, _broken(base, record)
+        return _place(record), events, None
 
     def _stored(self, stage: str) -> StateRecord:
         record = self.journal.finished(stage)
@@ -154,54 +159,43 @@ class Branches:
 
     def _store_event(
         self, stage: str, found: tuple[str, Event], place: _Place, taken: Advance, clock: Clock
-    ) -> tuple[StateRecord | None, End | None]:
-        """Store what was met within a step, unless it is stored; an end as in `_store`."""
+    ) -> StateRecord | Failure:
+        """What was met within a step, stored."""
         word, event = found
-        name = f"{stage}, {word}"
-        known = self.journal.finished(name)
-        if known is not None:
-            return known, None
-        branch = self._branch_record(
-            stage.rpartition(",")[0],
-            event.type,
-            event.point,
-            event.tangent,
-            place.arclength + event.position,
-            taken.following,
-            event,
-        )
-        return self._store(event.point, name, branch, place.record, clock, (_sentence(event),), event)
+        name, branch = f"{stage}, {word}", stage.rpartition(",")[0]
 
-    def _store(
+        def ended() -> Ended | Failure:
+            point = self._branch_record(
+                branch,
+                event.type,
+                event.point,
+                event.tangent,
+                place.arclength + event.position,
+                taken.following,
+                event,
+            )
+            met = _happening(event)
+            end = self._ended(name, event.point, point, (met,), _SINGULAR.get(event.type, ""))
+            if isinstance(end, Ended):
+                self.walk.tell(branch, (met,))
+            return end
+
+        return self.walk.end_of(_stage(name, event.point, event.type, place.record), ended, clock)
+
+    def _ended(
         self,
-        point: Point,
         stage: str,
+        point: Point,
         branch: BranchRecord,
-        parent: StateRecord,
-        clock: Clock,
-        remarks: Sequence[str],
-        event: Event | None = None,
+        events: tuple[Happening, ...],
+        singular: str = "",
         method: str = "arclength continuation",
-    ) -> tuple[StateRecord | None, End | None]:
-        """Store a point of a branch; an end if it is not the band that the run is about."""
-        singular = "" if event is None else _SINGULAR.get(event.type, "")
-        result = checked(point.result(singular), self.steps.half_twists)
+    ) -> Ended | Failure:
+        """A point of a branch as a stage's end; a failure if it is not the band that the run is about."""
+        result = checked(point.result(singular), self.walk.half_twists)
         if not converged(result):
-            return None, End(Reason.STEP_TOO_SMALL, parent.half_width, result.message)
-        if event is not None:
-            self.journal.note(f"{branch.name}: {_sentence(event)}")
-        record = self.steps.store(
-            point.problem,
-            result,
-            clock,
-            kind=STATE_TYPES.get(branch.type, "intermediate"),
-            stage=stage,
-            method=method,
-            parent=parent.label,
-            events=tuple(remarks),
-            branch=branch,
-        )
-        return record, None
+            return Failure("solve", result.status, result.detail, {"stage": stage})
+        return Ended(point.problem, result, method, before=events, branch=branch)
 
     def _branch_record(
         self,
@@ -238,18 +232,16 @@ class Branches:
 
     def _end_at(self, record: StateRecord, base: StateRecord) -> End | None:
         """The end of the branch at a stored event, if it is one."""
-        branch, stop = record.branch, self.options.stop_at
+        branch = record.branch
         assert branch is not None
-        b = record.half_width
-        if branch.type == "fold" and Reason.FOLD in stop:
-            return End(Reason.FOLD, b)
-        if branch.index_before == 0 and (branch.index_after or 0) > 0 and Reason.STABILITY_LOST in stop:
-            return End(Reason.STABILITY_LOST, b)
-        if branch.type == "contact" and not base.self_contact and Reason.CONTACT in stop:
-            return End(Reason.CONTACT, b)
-        if branch.type == "width" and b in (self.options.low, self.options.high):
-            return End(Reason.RANGE, b)
-        return None
+        reason = reason_to_end(
+            self.options,
+            branch.type,
+            record.half_width,
+            loses=branch.index_before == 0 and (branch.index_after or 0) > 0,
+            begins=not base.self_contact,
+        )
+        return None if reason is None else End(reason, record.half_width)
 
     def _finish(self, name: str, start: StateRecord, met: Sequence[StateRecord], end: End) -> None:
         """Keep the branch's course, and its end in the run's log."""
@@ -283,11 +275,10 @@ class Branches:
 
     def _switch(self, record: StateRecord, side: int, name: str, depth: int) -> None:
         """Follow the branch that crosses at a stored branch point, to one side."""
-        stage = f"{name}, step 1"
-        first = self.journal.finished(stage)
-        if first is None:
-            self.steps.begin(stage, record.half_width, record.segments)
-            clock = self.journal.clock()
+        words = f"{name}, step 1"
+        stage = Stage(words, record.half_width, record.segments, "intermediate", record.label)
+
+        def ended() -> Ended | Failure:
             assert record.branch is not None
             assert record.branch.soft_mode is not None
             tangent = _direction(record.branch.tangent, record.branch.half_width_rate, record)
@@ -296,20 +287,20 @@ class Branches:
                 mode = with_multipliers(point, record.branch.soft_mode.ravel())
                 found = switch(point, tangent, mode, side, self.options.guard)
             except ArithmeticError as error:
-                self._finish(name, record, [], End(Reason.STEP_TOO_SMALL, record.half_width, str(error)))
-                return
+                return Failure("solve", None, str(error), {"stage": stage.name})
             branch = self._branch_record(
                 name, "step", found.point, found.tangent, found.distance, self.options.first_step
             )
-            stored, end = self._store(
-                found.point, stage, branch, record, clock, (), method=f"branch switching, side {side:+d}"
-            )
-            if stored is None:
-                assert end is not None
-                self._finish(name, record, [], end)
-                return
-            first = stored
-        self._follow(name, record, _place(first), [first], 2, depth)
+            method = f"branch switching, side {side:+d}"
+            return self._ended(stage.name, found.point, branch, (), method=method)
+
+        if not self.journal.has(stage.name):
+            self.walk.begin(stage.name, stage.half_width, stage.segments)
+        first = self.walk.end_of(stage, ended)
+        if isinstance(first, Failure):
+            self._finish(name, record, [], _broken(record, first))
+        else:
+            self._follow(name, record, _place(first), [first], 2, depth)
 
 
 _SINGULAR = {
@@ -339,6 +330,17 @@ def _can_be_left(record: StateRecord) -> bool:
     """
     branch = record.branch
     return branch is not None and branch.type == "branch-point" and abs(branch.half_width_rate) > TURNING
+
+
+def _stage(name: str, point: Point, type: str, parent: StateRecord) -> Stage:
+    """The stage of a point of a branch; widths that were asked for are equilibria."""
+    kind = "equilibrium" if type == "width" else "intermediate"
+    return Stage(name, point.half_width, point.problem.band.segments, kind, parent.label)
+
+
+def _broken(base: StateRecord, why: Failure) -> End:
+    """The end of a branch on which nothing follows a state."""
+    return End(Reason.STEP_TOO_SMALL, base.half_width, why.message)
 
 
 def _point(record: StateRecord) -> Point:
@@ -371,28 +373,23 @@ def _numbered(events: Sequence[Event]) -> Iterator[tuple[str, Event]]:
         yield (word if seen[word] == 1 else f"{word} ({seen[word]})"), event
 
 
-def _sentence(event: Event) -> str:
-    """An event in words."""
-    b = f"b = {event.point.half_width:.12g}"
-    index = f"index {_index(event.before)} to {_index(event.after)}"
-    if event.type == "fold":
-        return f"fold at {b}, {index}"
-    if event.type == "branch-point" and event.mode is not None:
-        gained = (
-            "stability lost"
-            if event.loses_stability
-            else "stability gained"
-            if event.after == 0
-            else "bifurcation"
-        )
-        overlap = f"overlap with sliding {event.mode.overlap:.3f}"
-        if abs(event.tangent.half_width) <= TURNING:
-            return f"another branch is met where this one turns, at {b}, {index} ({overlap})"
-        return f"{gained} at {b}, {index}, by the {event.mode.word} mode ({overlap})"
+def _happening(event: Event) -> Happening:
+    """An event of a branch as the fact that its state keeps."""
+    b = event.point.half_width
     if event.type == "contact":
-        what = "facets begin to touch" if event.begins else "facets cease to touch"
-        return f"{what} at {b} (bracket {event.bracket:.1e})"
-    return f"reached {b}"
+        kind = "contact-begins" if event.begins else "contact-ceases"
+        return happening(kind, half_width=b, bracket=event.bracket)
+    if event.type == "width" or (event.type == "branch-point" and event.mode is None):
+        return happening("width-reached", half_width=b)
+    index = {"half_width": b, "before": _index(event.before), "after": _index(event.after)}
+    if event.type == "fold" or event.mode is None:
+        return happening("fold", **index)
+    if abs(event.tangent.half_width) <= TURNING:
+        return happening("branch-met", **index, overlap=event.mode.overlap)
+    kind = "stability-gained" if event.after == 0 else "bifurcation"
+    if event.loses_stability:
+        kind = "stability-lost"
+    return happening(kind, **index, mode=event.mode.word, overlap=event.mode.overlap)
 
 
 def _index(value: int | None) -> str:

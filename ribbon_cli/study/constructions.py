@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,34 +19,39 @@ from ..recipes.schoenke import schoenke
 from ..solver.status import Result, Status
 from ..store import StateRecord
 from .auxiliary import Turning
-from .clock import Clock
+from .failure import Failure
 from .plan import CONSTRUCTION, QUARTERS, turn_names
-from .records import Reached, state_of
-from .steps import Steps
+from .records import state_of
+from .walk import Ended, Stage, Walk
 
 
-def evert(steps: Steps, ring: State, count: int) -> StateRecord | str:
-    """Run or load the auxiliary stages; the rejoined band, or a sentence why it was not reached."""
+def evert(walk: Walk, ring: State, count: int) -> StateRecord | Failure:
+    """Run or load the auxiliary stages; the rejoined band."""
     segments = ring.band.segments
-    turning = Turning(steps, ring, "eversion", lambda index: eversion_stage(segments, index, count))
+    turning = Turning(walk, ring, "eversion", lambda index: eversion_stage(segments, index, count))
     last = turning.run(eversion_stages(segments, count))
-    return last if isinstance(last, str) else _join(steps, last)
+    return last if isinstance(last, Failure) else _join(walk, last)
 
 
-def _join(steps: Steps, last: StateRecord) -> StateRecord:
+def _join(walk: Walk, last: StateRecord) -> StateRecord | Failure:
     """The band cut, half of it turned step by step, and joined again: constructions, nothing is solved."""
     state, record = state_of(last), last
     joined = rejoined(state)
-    for k, stage in enumerate(turn_names()):
-        steps.begin(stage, last.half_width, last.segments)
-        parent, known = record.label, steps.journal.finished(stage)
-        if known is None:
-            clock, whole = steps.journal.clock(), k == QUARTERS
-            method = "halves joined again" if whole else f"second half turned by {k}/{QUARTERS} of pi"
-            changes = {} if whole else in_two_pieces(joined, turned(state, math.pi * k / QUARTERS))
-            known = _store(steps, joined, clock, stage, method, parent, changes)
+    for k, name in enumerate(turn_names()):
+        stage = Stage(name, last.half_width, last.segments, "auxiliary", record.label)
+        known = walk.reach(stage, partial(_turned, state, joined, k))
+        if isinstance(known, Failure):
+            return known
         record = known
     return record
+
+
+def _turned(state: State, joined: State, k: int) -> Ended:
+    """The band cut, its second half turned by k quarters of a half-turn; after the last it is joined."""
+    if k == QUARTERS:
+        return _made(joined, "halves joined again")
+    pieces = turned(state, math.pi * k / QUARTERS)
+    return _made(joined, f"second half turned by {k}/{QUARTERS} of pi", in_two_pieces(joined, pieces))
 
 
 def in_two_pieces(joined: State, pieces: Pieces) -> dict[str, Any]:
@@ -78,38 +84,26 @@ def in_two_pieces(joined: State, pieces: Pieces) -> dict[str, Any]:
     }
 
 
-def construct(steps: Steps, band: Band, half_twists: int) -> StateRecord | str:
-    """Make or load the n-inflection construction; a sentence where the mesh is too coarse for it."""
-    steps.begin(CONSTRUCTION, band.half_width, band.segments)
-    known = steps.journal.finished(CONSTRUCTION)
-    if known is not None:
-        return known
-    clock = steps.journal.clock()
-    coarse = "its arcs are too short for these facets: take more segments, or a narrower band"
-    try:
-        state = schoenke(band, half_twists)
-    except ClosureError as error:
-        return f"{CONSTRUCTION}: {error}; {coarse}"
-    method = f"n-inflection construction, n = {abs(half_twists)}"
-    found = linking_number(state.u, state.g, band.sigma, band.h).linking_number
-    if abs(found - 0.5 * half_twists) > 1e-6:
-        return f"{CONSTRUCTION}: closing it on this mesh makes Lk = {found:g}; {coarse}"
-    return _store(steps, state, clock, CONSTRUCTION, method, None)
+def construct(walk: Walk, band: Band, half_twists: int) -> StateRecord | Failure:
+    """Make or load the n-inflection construction; it fails where the mesh is too coarse for it."""
+
+    def made() -> Ended | Failure:
+        try:
+            state = schoenke(band, half_twists)
+        except ClosureError as error:
+            return Failure("construction", None, str(error), {"stage": CONSTRUCTION})
+        found = linking_number(state.u, state.g, band.sigma, band.h).linking_number
+        if abs(found - 0.5 * half_twists) > 1e-6:
+            detail = f"closing it on this mesh makes Lk = {found:g}"
+            return Failure("construction", None, detail, {"stage": CONSTRUCTION})
+        return _made(state, f"n-inflection construction, n = {abs(half_twists)}")
+
+    return walk.reach(Stage(CONSTRUCTION, band.half_width, band.segments, "auxiliary"), made)
 
 
-def _store(
-    steps: Steps,
-    state: State,
-    clock: Clock,
-    stage: str,
-    method: str,
-    parent: int | None,
-    changes: Mapping[str, Any] | None = None,
-) -> StateRecord:
-    """Store a state that was made and not solved for; its multipliers are not numbers."""
-    problem, made = Problem(state.band), constructed(state)
-    reached = Reached(problem, made, "auxiliary", stage, method, steps.half_twists, parent)
-    return steps.journal.store_made(reached, clock, changes or {})
+def _made(state: State, method: str, changes: Mapping[str, Any] | None = None) -> Ended:
+    """A state that was made and not solved for, as a stage's end; its multipliers are not numbers."""
+    return Ended(Problem(state.band), constructed(state), method, changes=changes or {})
 
 
 def constructed(state: State) -> Result:

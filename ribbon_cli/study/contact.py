@@ -9,15 +9,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from ..facts import event
 from ..model.band import Array, State
 from ..model.contact import Contact, self_contact
-from ..solver.continuation import Move, to_width
-from ..solver.status import Result, Status
 from ..store import StateRecord
+from .failure import Failure
 from .records import multipliers_of, state_of
-from .steps import Steps
+from .stepping import width_step
+from .walk import Ended, Stage, Walk, bracketed
 
 WITHIN = 1e-5
 """Width of the last bracket, as part of l / 2 pi."""
@@ -42,16 +43,21 @@ class _End:
     state: State
     multipliers: Array
     contact: Contact
-    move: Move | None = None
-    result: Result | None = None
+    solved: Ended | None = None
 
     @property
     def half_width(self) -> float:
+        """Its half-width."""
         return self.state.band.half_width
+
+    @property
+    def self_contact(self) -> bool:
+        """Whether facets meet."""
+        return self.contact.contact
 
 
 def locate_contact(
-    steps: Steps, before: StateRecord, after: StateRecord, levels: Sequence[int]
+    walk: Walk, before: StateRecord, after: StateRecord, levels: Sequence[int]
 ) -> tuple[FirstContact, ...]:
     """Locate the contact that begins (or ends) between two states of a branch, then on finer `levels`.
 
@@ -60,20 +66,22 @@ def locate_contact(
     if before.self_contact == after.self_contact or not (before.certified and after.certified):
         return ()
     free, touching = (after, before) if before.self_contact else (before, after)
-    stage = f"contact between b = {before.half_width:.12g} and b = {after.half_width:.12g}"
-    record = steps.journal.finished(stage)
-    if record is None:
-        record = _bisect(steps, _end(free), _end(touching), stage, free.label)
-    found = [] if record is None else [record]
+    name = f"contact between b = {before.half_width:.12g} and b = {after.half_width:.12g}"
+    stage = Stage(name, free.half_width, free.segments, "intermediate", free.label)
+    record = walk.end_of(stage, lambda: _located(walk, _end(free), _end(touching), name))
+    found: list[StateRecord] = []
     side = math.copysign(1.0, free.half_width - touching.half_width)
-    for n in levels if record is not None else ():
-        finer = _on_level(steps, found[-1], n, stage, side)
-        if finer is None:
+    left = list(levels)
+    while not isinstance(record, Failure):
+        found.append(record)
+        if not left:
             break
-        found.append(finer)
+        record = _on_level(walk, record, left.pop(0), name, side)
+    if isinstance(record, Failure):
+        walk.journal.note(record.sentence)
     out = tuple(FirstContact(r.segments, r.half_width, r.label) for r in found)
     if out:
-        steps.journal.note(_sentence(out))
+        walk.journal.note(_sentence(out))
     return out
 
 
@@ -87,82 +95,75 @@ def _contact(state: State) -> Contact:
     return self_contact(state.u, state.g, band.sigma * state.g[0], band.half_width, band.h)
 
 
-def _solved(steps: Steps, start: _End, half_width: float, stage: str) -> _End | None:
-    """The branch at another width, from the nearer end; None, with a note, where no minimum is found."""
-    steps.begin(stage, half_width, start.state.band.segments)
-    move = to_width(start.state, start.multipliers, half_width, steps.options)
-    result = steps.checked(move.result)
-    if result.status is not Status.MINIMUM:
-        steps.journal.note(f"{stage}: not located, at b = {half_width:.12g}: {result.message}")
-        return None
-    return _End(result.state, result.multipliers, _contact(result.state), move, result)
+def _solved(walk: Walk, start: _End, half_width: float, stage: str) -> _End | Failure:
+    """The branch at another width, from the nearer end."""
+    walk.begin(stage, half_width, start.state.band.segments)
+    end = width_step(walk, start.state, start.multipliers, half_width)
+    if isinstance(end, Failure):
+        return replace(end, kind="located", values={"stage": stage, "end": half_width})
+    state = end.result.state
+    return _End(state, end.result.multipliers, _contact(state), end)
 
 
-def _bisect(steps: Steps, free: _End, touching: _End, stage: str, parent: int) -> StateRecord | None:
-    """Halve the bracket to `WITHIN` from its free end, whose label is `parent`; store its touching end."""
-    clock = steps.journal.clock()
+def _located(walk: Walk, free: _End, touching: _End, stage: str) -> Ended | Failure:
+    """Halve the bracket to `WITHIN` from its free end; its touching end."""
     within = WITHIN * free.state.band.length / (2.0 * math.pi)
-    while abs(free.half_width - touching.half_width) > within:
-        middle = _solved(steps, free, 0.5 * (free.half_width + touching.half_width), stage)
-        if middle is None:
-            return None
-        if middle.contact.contact:
-            touching = middle
-        else:
-            free = middle
-    if touching.move is None:  # it begins within a bracket's width of where the step ended
-        again = _solved(steps, free, touching.half_width, stage)
-        if again is None:
-            return None
+    free, touching, why = bracketed(free, touching, within, lambda end, b: _solved(walk, end, b, stage))
+    if why is not None:
+        return why
+    if touching.solved is None:  # it begins within a bracket's width of where the step ended
+        again = _solved(walk, free, touching.half_width, stage)
+        if isinstance(again, Failure):
+            return again
         touching = again
-    if not touching.contact.contact:
-        steps.journal.note(f"{stage}: not located, no contact up to b = {touching.half_width:.12g}")
-        return None
-    assert touching.move is not None
-    assert touching.result is not None
-    word = "first contact" if touching.half_width > free.half_width else "contact ends"
-    i, j = (int(k) + 1 for k in touching.contact.pairs[0])
-    event = (
-        f"{word}: facets {i} and {j} meet at b = {touching.half_width:.10g}, "
-        f"at b = {free.half_width:.10g} none do (clearance {free.contact.clearance:.2g})"
+    if not touching.self_contact:
+        detail = f"not located, no contact up to b = {touching.half_width:.12g}"
+        return Failure("solve", None, detail, {"stage": stage})
+    assert touching.solved is not None
+    first, second = (int(k) + 1 for k in touching.contact.pairs[0])
+    met = event(
+        "first-contact" if touching.half_width > free.half_width else "contact-ends",
+        first=first,
+        second=second,
+        touching=touching.half_width,
+        free=free.half_width,
+        clearance=free.contact.clearance,
     )
-    return steps.store_move(
-        touching.move,
-        touching.result,
-        clock,
-        kind="intermediate",
-        stage=stage,
-        parent=parent,
-        failures=(event,),
-    )
+    return replace(touching.solved, before=(met,))
 
 
-def _on_level(steps: Steps, coarse: StateRecord, n: int, stage: str, side: float) -> StateRecord | None:
+def _on_level(walk: Walk, coarse: StateRecord, n: int, stage: str, side: float) -> StateRecord | Failure:
     """First contact on a finer level, bracketed by steps from the coarser one's width.
 
     `side` is the sign of the widths without contact, seen from those with it.
     """
     name = f"{stage}, N = {n}"
-    known = steps.journal.finished(name)
-    if known is not None:
+    known = walk.journal.finished(name)
+    if known is not None and not walk.journal.lacks_saddle(name):
         return known
-    refined = steps.refine(coarse, n, f"{name}, refined at the coarser level's", "intermediate")
-    if isinstance(refined, str) or not refined.certified:
-        steps.journal.note(refined if isinstance(refined, str) else f"{name}: {refined.message}")
-        return None
-    here = _end(refined)
-    step = SEARCH * refined.length / (2.0 * math.pi)
+    refined = walk.refine(coarse, n, f"{name}, refined at the coarser level's", "intermediate")
+    if isinstance(refined, Failure):
+        return refined
+    if not refined.certified:
+        return Failure("solve", None, refined.message, {"stage": name})
+    goal = Stage(name, refined.half_width, n, "intermediate", refined.label)
+    return walk.end_of(goal, lambda: _searched(walk, _end(refined), name, side))
+
+
+def _searched(walk: Walk, here: _End, name: str, side: float) -> Ended | Failure:
+    """The contact's end of a bracket that is searched for about a state, in steps that double."""
+    start, step = here.half_width, SEARCH * here.state.band.length / (2.0 * math.pi)
     for _ in range(MOST_SEARCHES):
-        towards = side if here.contact.contact else -side
-        there = _solved(steps, here, here.half_width + towards * step, name)
-        if there is None:
-            return None
-        if there.contact.contact != here.contact.contact:
-            free, touching = (there, here) if here.contact.contact else (here, there)
-            return _bisect(steps, free, touching, name, refined.label)
+        towards = side if here.self_contact else -side
+        there = _solved(walk, here, here.half_width + towards * step, name)
+        if isinstance(there, Failure):
+            return there
+        if there.self_contact != here.self_contact:
+            free, touching = (there, here) if here.self_contact else (here, there)
+            return _located(walk, free, touching, name)
         here, step = there, 2.0 * step
-    steps.journal.note(f"{name}: not located within {abs(here.half_width - refined.half_width):.3g}")
-    return None
+    detail = f"not located within {abs(here.half_width - start):.3g}"
+    return Failure("solve", None, detail, {"stage": name})
 
 
 def _sentence(found: Sequence[FirstContact]) -> str:

@@ -12,6 +12,7 @@ import numpy as np
 from ..config import Config, ConfigError, Problem
 from ..digits import significant
 from ..errors import StoreError, UsageError
+from ..facts import Event, event
 from ..model.band import Band, Discretisation, State
 from ..model.folding import close, facet_frames, from_state, to_state
 from ..model.topology import CLOSURE_TOLERANCE, linking_number
@@ -25,11 +26,11 @@ printed digits or another discretisation leave, and little enough for fold angle
 
 
 class Given(NamedTuple):
-    """A state to start from in the config's length and discretisation, its name, and what was done to it."""
+    """A state to start from in the config's length and discretisation, its name, and that it was closed."""
 
     state: State
     name: str
-    note: str = ""
+    closing: Event | None = None
 
 
 def given_band(config: Config, root: Path, tell: Callable[[str], object] | None = None) -> Band | None:
@@ -61,7 +62,7 @@ def refused(config: Config, message: str) -> ConfigError:
 
 
 def _given_state(config: Config, root: Path, tell: Callable[[str], object] | None) -> Given:
-    ref, note = config.guess.state or "", ""
+    ref, closing = config.guess.state or "", None
     run, label, path = resolve_state(root, ref, tell)
     if path.suffix == ".npz":
         try:
@@ -80,7 +81,7 @@ def _given_state(config: Config, root: Path, tell: Callable[[str], object] | Non
         found = state_of(record)
     mark = _mark(found)
     if path.suffix == ".npz":
-        found, note = _closed(found, ref)
+        found, closing = _closed(found, ref)
     _check_fit(config, found, ref)
     scale = config.length / found.band.length
     band = Band(
@@ -91,18 +92,18 @@ def _given_state(config: Config, root: Path, tell: Callable[[str], object] | Non
         Discretisation(config.discretisation),
     )
     return Given(
-        State(band, found.u, found.g, found.xi), f"{config.guess.state_as_written or ref} ({mark})", note
+        State(band, found.u, found.g, found.xi), f"{config.guess.state_as_written or ref} ({mark})", closing
     )
 
 
-def _closed(state: State, ref: str) -> tuple[State, str]:
-    """A state with its midline closed, and a note where that had to be done. Raises UsageError.
+def _closed(state: State, ref: str) -> tuple[State, Event | None]:
+    """A state with its midline closed, and the event where that had to be done. Raises UsageError.
 
     The fold angles are changed least (`model.folding.close`); ends further apart than `OPEN` are refused.
     """
     gap = float(np.linalg.norm(state.u.mean(axis=0)))
     if gap * state.band.segments <= CLOSURE_TOLERANCE:
-        return state, ""
+        return state, None
     apart = f"its ends are {significant(gap, 3)} of its length apart"
     if gap > OPEN:
         raise UsageError(f"{ref}: not a closed band: {apart}, and up to {OPEN:g} is mended: close it first")
@@ -112,8 +113,7 @@ def _closed(state: State, ref: str) -> tuple[State, str]:
     except ValueError as error:  # a ClosureError among them
         raise UsageError(f"{ref}: not a closed band: {apart}, and closing it fails: {error}") from error
     moved = float(np.abs(closed.u - state.u).max())
-    turned = f"closed by fold angles, which turn facets by up to {significant(moved, 2)}"
-    return closed, f"{ref}: {apart}: {turned}"
+    return closed, event("closed", state=ref, apart=apart, angle=significant(moved, 2))
 
 
 def _mark(state: State) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ..config import Config
+from ..facts import event
 from ..model.band import Band, Discretisation, State
 from ..model.problem import Problem
 from ..recipes.cylinder import cylinder
@@ -16,20 +17,20 @@ from ..store import StateRecord
 from .acceptance import converged
 from .auxiliary import Turning
 from .constructions import construct, evert
+from .failure import Failure
 from .given import Given
 from .plan import start_kind, start_name, start_width
 from .records import saddle_result, state_of
-from .remedies import remedied
-from .steps import Steps
+from .walk import Ended, Stage, Walk
 
 
-def freed_guess(steps: Steps, config: Config, given: Given | None) -> StateRecord | str:
-    """Run or load the stages up to the freed guess, certified or not; a sentence if it is not reached.
+def freed_guess(walk: Walk, config: Config, given: Given | None) -> StateRecord | Failure:
+    """Run or load the stages up to the freed guess, certified or not; why it is not reached.
 
     `given` is the state that the config starts from.
     """
     if given is not None:
-        return _freed(steps, config, given.state, None, f"from {given.name}", given)
+        return _freed(walk, config, given.state, None, f"from {given.name}", given)
     guess = config.guess
     assert guess.segments is not None
     assert guess.half_width is not None
@@ -41,73 +42,68 @@ def freed_guess(steps: Steps, config: Config, given: Given | None) -> StateRecor
         Discretisation(config.discretisation),
     )
     if guess.recipe == "schoenke":
-        made, method = construct(steps, band, config.half_twists), "construction freed"
+        made, method = construct(walk, band, config.half_twists), "construction freed"
     else:
         ring = cylinder(band)
         if guess.recipe == "cylinder":
-            return _freed(steps, config, ring, None, "discrete cylinder, (3.4)-(3.5)")
+            return _freed(walk, config, ring, None, "discrete cylinder, (3.4)-(3.5)")
         count = guess.steps or 1
         if guess.recipe == "eversion":
-            made, method = evert(steps, ring, count), "rejoined band freed"
+            made, method = evert(walk, ring, count), "rejoined band freed"
         else:
-            made, method = _twisted(steps, ring, config.half_twists, count), "seam closed and freed"
-    return made if isinstance(made, str) else _freed(steps, config, state_of(made), made.label, method)
+            made, method = _twisted(walk, ring, config.half_twists, count), "seam closed and freed"
+    return made if isinstance(made, Failure) else _freed(walk, config, state_of(made), made.label, method)
 
 
-def _twisted(steps: Steps, ring: State, half_twists: int, count: int) -> StateRecord | str:
-    """The band twisted step by step, or a sentence why that failed."""
-    turning = Turning(steps, ring, "twist", lambda index: twist_stage(half_twists, index, count))
+def _twisted(walk: Walk, ring: State, half_twists: int, count: int) -> StateRecord | Failure:
+    """The band twisted step by step."""
+    turning = Turning(walk, ring, "twist", lambda index: twist_stage(half_twists, index, count))
     return turning.run(twist_stages(half_twists, count))
 
 
 def _freed(
-    steps: Steps,
+    walk: Walk,
     config: Config,
     state: State,
     parent: int | None,
     method: str,
     given: Given | None = None,
-) -> StateRecord | str:
-    """The equilibrium next to a guess, saddles on the way left; a sentence where the solve ends in none."""
-    stage, band = start_name(config), state.band
-    steps.begin(stage, band.half_width, band.segments)
-    known = steps.journal.finished(stage)
-    if known is not None:
-        return known
-    clock = steps.journal.clock()
-    problem = Problem(band)
-    if config.guess.keep_saddle:
-        result = steps.checked(nearest(state, steps.options.guard))
-    else:
-        result = steps.checked(solve(problem, state.vector(), None, steps.options))
-    if not converged(result):
-        result = _saddle_left_in_vain(steps, problem, result)
-    if not converged(result):
-        return remedied(f"{stage}: {result.message}", result.status, "`steps` of the recipe")
-    events = tuple(filter(None, (given.note if given is not None else "",)))
-    events += tuple(
-        f"met a saddle of index {s.index} at E = {s.energy:.12g}, left along its negative direction"
-        for s in result.saddles
-    )
-    steps.tell(stage, events)
-    return steps.store(
-        problem,
-        result,
-        clock,
-        kind=start_kind(config, band.half_width),
-        stage=stage,
-        method=method,
-        parent=parent,
-        parent_ref=None if given is None else given.name,
-        events=events,
+) -> StateRecord | Failure:
+    """The equilibrium next to a guess, saddles on the way left."""
+    band = state.band
+    stage = Stage(
+        start_name(config),
+        band.half_width,
+        band.segments,
+        start_kind(config, band.half_width),
+        parent,
+        None if given is None else given.name,
     )
 
+    def freed() -> Ended | Failure:
+        problem = Problem(band)
+        if config.guess.keep_saddle:
+            result = walk.checked(nearest(state, walk.options.guard))
+        else:
+            result = walk.checked(solve(problem, state.vector(), None, walk.options))
+        if not converged(result):
+            result = _saddle_left_in_vain(walk, problem, result)
+        if not converged(result):
+            return Failure(
+                "solve", result.status, result.detail, {"stage": stage.name}, "`steps` of the recipe"
+            )
+        closing = () if given is None or given.closing is None else (given.closing,)
+        left = (event("saddle-left", index=s.index, energy=s.energy) for s in result.saddles)
+        return Ended(problem, result, method, (*closing, *left))
 
-def _saddle_left_in_vain(steps: Steps, problem: Problem, result: Result) -> Result:
+    return walk.reach(stage, freed)
+
+
+def _saddle_left_in_vain(walk: Walk, problem: Problem, result: Result) -> Result:
     """The last saddle that was met, where leaving it led to no band of this kind; else the result."""
     if not result.saddles:
         return result
-    saddle = steps.checked(saddle_result(problem, result.saddles[-1]))
+    saddle = walk.checked(saddle_result(problem, result.saddles[-1]))
     if not converged(saddle):
         return result
     detail = f"(Index {saddle.negative}; the way down from it ends in: {result.message})"

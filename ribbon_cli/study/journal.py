@@ -6,14 +6,16 @@ the same bytes as one that was not. What it takes to compute a stage is imported
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from ..errors import LockedError, StoreError
+from ..solver.status import Status
 from ..store import Run, StateRecord
-from ..store.events import removed
+from ..store.events import GIVEN_UP, removed
 from ..store.provenance import config_facts
 from .clock import Clock, Origin
 from .outcome import Outcome
@@ -23,6 +25,9 @@ if TYPE_CHECKING:
     from ..config import SpectrumRequest
     from ..solver.status import SaddleMet
     from .records import Reached
+
+SAME_SADDLE = 1e-9
+"""Relative difference of energies up to which two saddles of one stage and index are one, computed twice."""
 
 
 class NotStoredError(Exception):
@@ -61,16 +66,23 @@ class Journal:
         self._argv, self._origin = argv, origin
         self._config = config_facts(run.path)
         self._ends: dict[str, int] = {}
-        self._saddles: dict[str, int] = {}
-        self._lost = _lost_stages(run)
+        self._saddles: dict[str, list[Mapping[str, Any]]] = {}
         for remark in run.remarks:
             self.note(remark)
         for label, entry in sorted(run.entries().items()):
             state = entry["state"]
             if state["kind"] == "saddle":
-                self._saddles[state["stage"]] = self._saddles.get(state["stage"], 0) + 1
+                self._saddles.setdefault(state["stage"], []).append(state)
             else:
                 self._ends.setdefault(state["stage"], label)
+        lost = _lost_states(run)
+        self._lost = {state["stage"] for state in lost}
+        self._lost_saddles = {
+            state["stage"]
+            for state in lost
+            if state.get("kind") == "saddle"
+            and not any(_met_again(state, known) for known in self._saddles.get(state["stage"], ()))
+        }
 
     def has(self, stage: str) -> bool:
         """Whether the state that ended a stage is stored."""
@@ -80,6 +92,18 @@ class Journal:
         """The state that ended a stage, if it is stored."""
         label = self._ends.get(stage)
         return None if label is None else self.run.look_up(label)
+
+    def lacks_saddle(self, stage: str) -> bool:
+        """Whether a saddle that was met in a stage was lost, and is not stored again."""
+        return stage in self._lost_saddles
+
+    def given_up(self, stage: str, parent: int | None) -> tuple[Status, str] | None:
+        """How an earlier pass failed at a stage from a state, if it did and kept it: status and detail."""
+        for event in self.run.events():
+            if event["event"] == GIVEN_UP and (event["stage"], event["parent"]) == (stage, parent):
+                with suppress(ValueError):  # a status of another version's
+                    return Status(event["status"]), event["detail"]
+        return None
 
     def ancestry(self, stage: str) -> list[StateRecord]:
         """The states that led to a stage's end, the first of them first and that end last.
@@ -139,31 +163,28 @@ class Journal:
         saddles: Sequence[SaddleMet],
         clock: Clock,
         spectrum: SpectrumRequest | None,
+        changes: Mapping[str, Any] | None = None,
     ) -> StateRecord:
-        """Commit the saddles that were met in a stage, then the state that ends it."""
+        """Commit the saddles that were met in a stage, then the state that ends it.
+
+        `changes` are fields of its record that do not follow from the solve.
+        """
+        self.store_saddles(reached, saddles, clock)
+        record = self._commit(reached, clock, spectrum, changes)
+        self._ends[reached.stage] = record.label
+        return record
+
+    def store_saddles(self, reached: Reached, saddles: Sequence[SaddleMet], clock: Clock) -> None:
+        """Commit those of a stage's saddles that are not stored; a stored one is the nearest in energy."""
         from .records import saddle_result
 
-        for met in saddles[self._saddles.get(reached.stage, 0) :]:
-            self._commit(
-                replace(
-                    reached,
-                    result=saddle_result(reached.problem, met),
-                    kind="saddle",
-                    events=(),
-                    steps=0,
-                ),
-                clock,
-                None,
-            )
-        record = self._commit(reached, clock, spectrum)
-        self._ends[reached.stage] = record.label
-        return record
-
-    def store_made(self, reached: Reached, clock: Clock, changes: Mapping[str, Any]) -> StateRecord:
-        """Commit a state that was made and not solved for, some of its record's fields changed."""
-        record = self._commit(reached, clock, None, changes)
-        self._ends[reached.stage] = record.label
-        return record
+        left = list(saddles)
+        for state in self._saddles.get(reached.stage, ())[: len(left)]:
+            left.remove(min(left, key=lambda met: abs(met.energy - (state["energy"] or 0.0))))
+        for met in left:
+            saddle = saddle_result(reached.problem, met)
+            self._commit(replace(reached, result=saddle, kind="saddle", events=(), steps=0), clock, None)
+        self._lost_saddles.discard(reached.stage)
 
     def _commit(
         self,
@@ -180,11 +201,19 @@ class Journal:
         return record
 
 
-def _lost_stages(run: Run) -> set[str]:
-    """Stages of the states that were removed, or that `ribbon repair` marked as lost, whose lines were not
-    looked at closely.
+def _lost_states(run: Run) -> list[dict[str, Any]]:
+    """States that were removed, or that `ribbon repair` marked as lost, whose lines were not looked at
+    closely.
     """
     lost = [event.get("state") for event in run.events() if event["event"] == "state-lost"]
     lost += [entry["state"] for entry in removed(run.events()).values()]
-    stages = (state.get("stage") for state in lost if isinstance(state, dict))
-    return {stage for stage in stages if isinstance(stage, str)}
+    return [state for state in lost if isinstance(state, dict) and isinstance(state.get("stage"), str)]
+
+
+def _met_again(lost: Mapping[str, Any], known: Mapping[str, Any]) -> bool:
+    """Whether a stored saddle is one that was lost, computed again."""
+    here, there = lost.get("energy"), known["energy"]
+    if not isinstance(here, int | float) or there is None:
+        return True  # nothing to tell them apart by
+    same = lost.get("negative_eigenvalues") == known["negative_eigenvalues"]
+    return same and math.isclose(here, there, rel_tol=SAME_SADDLE)

@@ -3,27 +3,31 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 from ..config import Arclength
 from ..solver.branch import End, Reason
-from ..solver.continuation import to_width
 from ..solver.status import Status
 from ..store import StateRecord
+from .failure import Failure
 from .outcome import Course, CoursePoint
 from .plan import MOST_HALVINGS
 from .records import multipliers_of, state_of
-from .remedies import remedied
-from .steps import Steps
+from .stepping import width_step
+from .walk import Ended, Stage, Walk, bracketed
 
 CONTACT_ACCURACY = 1e-7
 """Part of the band's length to which the first width of contact is bracketed."""
 
 
 class Natural:
-    """Natural continuation from a stored minimum; every step is a function of stored states."""
+    """Natural continuation from a stored minimum; every step is a function of stored states.
 
-    def __init__(self, steps: Steps, request: Arclength, start: StateRecord) -> None:
-        self.steps, self.journal = steps, steps.journal
+    Steps that fail are kept in the log, so that the same line again has nothing to solve.
+    """
+
+    def __init__(self, walk: Walk, request: Arclength, start: StateRecord) -> None:
+        self.walk, self.journal = walk, walk.journal
         self.request, self.start = request, start
         self.met: list[tuple[StateRecord, str]] = []
         self.beyond: list[float] = []
@@ -48,16 +52,16 @@ class Natural:
         """Go to a width in steps as long as they succeed; where it ends if it is not reached."""
         step = b - current.half_width
         while current.half_width != b:
-            left = b - current.half_width
-            aim = b if abs(step) >= abs(left) * (1.0 - 1e-9) else current.half_width + step
-            following = self._step(name, current, aim, "equilibrium" if aim == b else "intermediate")
-            if isinstance(following, str):
-                if abs(aim - current.half_width) <= abs(b - self.start.half_width) / 2**MOST_HALVINGS:
-                    return current, End(
-                        Reason.STEP_TOO_SMALL, current.half_width, self._hint(current, following)
-                    )
-                step = 0.5 * (aim - current.half_width)
-                continue
+            here = current
+            following, failures = self.walk.longest(
+                self._stages(name, here, b, step),
+                lambda stage, _, here=here: self._solved(stage, here),  # type: ignore[misc]
+                lambda _, why: f"{name}: {why.bare}",
+            )
+            self._see(failures)
+            if following is None:
+                hint = self._hint(current, failures[-1].sentence)
+                return current, End(Reason.STEP_TOO_SMALL, current.half_width, hint)
             if following.self_contact and not current.self_contact:
                 touching, end = self._locate_contact(name, current, following)
                 if "contact" in self.request.stop_at:
@@ -69,18 +73,36 @@ class Natural:
             current = following
         return current, None
 
+    def _stages(self, name: str, current: StateRecord, b: float, step: float) -> Iterator[Stage]:
+        """The step towards a width, or all the way if it is as long, then its half, a quarter, ..."""
+        left, shortest = b - current.half_width, abs(b - self.start.half_width) / 2**MOST_HALVINGS
+        while True:
+            aim = b if abs(step) >= abs(left) * (1.0 - 1e-9) else current.half_width + step
+            yield _stage(name, current, aim, "equilibrium" if aim == b else "intermediate")
+            if abs(aim - current.half_width) <= shortest:
+                return
+            step = 0.5 * (aim - current.half_width)
+
     def _locate_contact(self, name: str, before: StateRecord, after: StateRecord) -> tuple[StateRecord, End]:
         """Halve the step that led to contact until the width is known; the end is in contact."""
-        low, high = before, after
-        near = CONTACT_ACCURACY * before.length
-        while abs(high.half_width - low.half_width) > near:
-            middle = 0.5 * (low.half_width + high.half_width)
-            found = self._step(name, low, middle, "intermediate")
-            if isinstance(found, str):
-                return low, End(Reason.STEP_TOO_SMALL, low.half_width, found)
-            low, high = (low, found) if found.self_contact else (found, high)
-        self.met.append((high, "contact"))
-        return high, End(Reason.CONTACT, high.half_width)
+
+        def step(start: StateRecord, b: float) -> StateRecord | Failure:
+            stage = _stage(name, start, b, "intermediate")
+            found = self.walk.reach(stage, lambda: self._solved(stage, start))
+            if isinstance(found, Failure):
+                self._see((found,))
+                self.journal.note(f"{name}: {found.bare}")
+            return found
+
+        free, touching, why = bracketed(before, after, CONTACT_ACCURACY * before.length, step)
+        if why is not None:
+            return free, End(Reason.STEP_TOO_SMALL, free.half_width, why.sentence)
+        self.met.append((touching, "contact"))
+        return touching, End(Reason.CONTACT, touching.half_width)
+
+    def _see(self, failures: tuple[Failure, ...]) -> None:
+        """Remember where another branch was met."""
+        self.beyond += [why.values["end"] for why in failures if why.status is Status.LEFT_BRANCH]
 
     def _hint(self, current: StateRecord, why: str) -> str:
         """Why no step succeeds: a fold, if another branch was met beyond."""
@@ -90,22 +112,13 @@ class Natural:
             why = f"The branch seems to turn back (fold) near b = {near:.6g}: {why}"
         return f"{why} --arclength goes on around folds and past losses of stability, and locates them."
 
-    def _step(self, name: str, current: StateRecord, b: float, kind: str) -> StateRecord | str:
-        """A minimum at a width, stored or computed from the state before it; a sentence if there is none."""
-        stage = f"{name}, b = {float(b)!r}"
-        known = self.journal.finished(stage)
-        if known is not None:
-            return known
-        self.steps.begin(stage, b, current.segments)
-        clock = self.journal.clock()
-        move = to_width(state_of(current), multipliers_of(current), b, self.steps.options)
-        result = self.steps.checked(move.result)
-        if result.status is not Status.MINIMUM:
-            self.beyond += [b] if result.status is Status.LEFT_BRANCH else []
-            why = f"a step from b = {current.half_width:.12g} to {b:.12g} failed: {result.message}"
-            self.journal.note(f"{name}: {why}")
-            return remedied(why, result.status)
-        return self.steps.store_move(move, result, clock, kind=kind, stage=stage, parent=current.label)
+    def _solved(self, stage: Stage, start: StateRecord) -> Ended | Failure:
+        """A minimum at a width from the state before it."""
+        return width_step(self.walk, state_of(start), multipliers_of(start), stage.half_width)
+
+
+def _stage(name: str, start: StateRecord, b: float, kind: str) -> Stage:
+    return Stage(f"{name}, b = {float(b)!r}", b, start.segments, kind, start.label, start=start.half_width)
 
 
 def _point(record: StateRecord, kind: str) -> CoursePoint:

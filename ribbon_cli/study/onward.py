@@ -13,7 +13,7 @@ from .journal import run_or_read
 from .natural import Natural
 from .outcome import Outcome
 from .progress import Progress, Silence
-from .refine import steps_from
+from .refine import walk_from
 
 
 def continue_state(
@@ -41,19 +41,19 @@ def continue_state(
         raise UsageError(f"{ref}: not a certified minimum ({record.status}): give --arclength")
 
     def study(watcher: Progress) -> Outcome:
-        steps = steps_from(run, record, watcher, argv)
+        walk = walk_from(run, record, watcher, argv)
         for choice in taken:
-            steps.journal.note(choice)
+            walk.journal.note(choice)
         try:
             if natural:
-                courses = [Natural(steps, request, record).follow(f"from {record.label}")]
+                courses = [Natural(walk, request, record).follow(f"from {record.label}")]
             else:
-                branches = Branches(steps, request, record)
+                branches = Branches(walk, request, record)
                 branches.follow(branch_name(record, request))
                 courses = branches.courses
         finally:
             watcher.done()
-        notes, new = tuple(steps.journal.notes), steps.journal.new_states
+        notes, new = tuple(walk.journal.notes), walk.journal.new_states
         return Outcome(run, (), notes, new, tuple(courses))
 
     return run_or_read(run, progress or Silence(), study)

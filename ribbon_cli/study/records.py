@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..config import SpectrumRequest
+from ..facts import Event, event
 from ..model.band import Array, Band, Discretisation, Multipliers, State
 from ..model.contact import self_contact
 from ..model.geometry import geometry
@@ -34,7 +35,7 @@ class Reached:
     half_twists: int
     parent: int | None = None
     parent_ref: str | None = None
-    events: tuple[str, ...] = ()
+    events: tuple[Event, ...] = ()
     steps: int = 0
     branch: BranchRecord | None = None
 
@@ -90,7 +91,7 @@ def build_record(label: int, reached: Reached, clock: Clock, spectrum: SpectrumR
         parent_ref=reached.parent_ref,
         method=reached.method,
         newton_steps=reached.steps,
-        events=(*reached.events, *remarks),
+        events=tuple(map(str, (*reached.events, *remarks))),
         prescribed=_prescribed(problem),
         seam_open=True if problem.prescription.seam is not None else None,
         provenance=clock.facts(),
@@ -158,7 +159,7 @@ def _topology(problem: Problem, state: State) -> tuple[float, float, float]:
 
 def _spectra(
     problem: Problem, result: Result, request: SpectrumRequest | None
-) -> tuple[tuple[SpectrumRecord, ...], tuple[str, ...]]:
+) -> tuple[tuple[SpectrumRecord, ...], tuple[Event, ...]]:
     """Stored spectra: all values up to `full_up_to` segments, the lowest modes beyond; and remarks."""
     if request is None or (problem.band.segments > request.full_up_to and not request.modes):
         return (), ()
@@ -171,7 +172,7 @@ def _spectra(
                 lowest_spectrum(problem, result.x, local, metric, request.modes) for metric in request.metrics
             ]
     except (FactorisationError, np.linalg.LinAlgError) as error:
-        return (), (f"no spectrum: {error}",)
+        return (), (event("no-spectrum", why=error),)
     return tuple(_spectrum_record(s) for s in found), ()
 
 

@@ -13,13 +13,14 @@ from ..errors import RibbonError, UsageError
 from ..recipes.eversion import not_everted
 from ..store import Run, StateRecord, resolve_state
 from ..store.refs import WIDTH_TOLERANCE, meant
+from .failure import Failure
 from .journal import run_or_read
 from .outcome import Outcome, Target
 from .progress import Progress, Silence
 from .records import state_of
 from .resolved import resolved_config
-from .steps import Steps
 from .table import ANOTHER
+from .walk import Walk
 
 _CONFIG_FACTS = ("git_revision", "git_dirty")
 """Facts on the config's repository."""
@@ -56,20 +57,20 @@ def refine_state(
     grids = [record.segments] if there else _grids(ref, record.segments, to, levels, method)
 
     def study(watcher: Progress) -> Outcome:
-        steps = steps_from(run, record, watcher, argv, len(grids))
+        walk = walk_from(run, record, watcher, argv, len(grids))
         for choice in taken:
-            steps.journal.note(choice)
+            walk.journal.note(choice)
         try:
-            targets = _refine_all(steps, record, grids, method, every=levels is not None)
+            targets = _refine_all(walk, record, grids, method, every=levels is not None)
         finally:
             watcher.done()
-        return Outcome(run, targets, tuple(steps.journal.notes), steps.journal.new_states)
+        return Outcome(run, targets, tuple(walk.journal.notes), walk.journal.new_states)
 
     return run_or_read(run, progress or Silence(), study)
 
 
 def _refine_all(
-    steps: Steps, start: StateRecord, grids: list[int], method: str, *, every: bool
+    walk: Walk, start: StateRecord, grids: list[int], method: str, *, every: bool
 ) -> tuple[Target, ...]:
     """Refine through the grids; all of them are targets if `every`, else the last."""
     record, targets = start, []
@@ -78,18 +79,19 @@ def _refine_all(
         how = ", facets split" if method == "split" else ""
         stage = f"state {start.label} refined to N = {n}{how}" + ("" if named else ", on the way")
         kind = "equilibrium" if named else "intermediate"
-        following = _stored(steps, start, n, stage, named, method) or steps.refine(
+        following = _stored(walk, start, n, stage, named, method) or walk.refine(
             record, n, stage, kind, splitting=method == "split"
         )
-        failed = following if isinstance(following, str) else None
-        if isinstance(following, StateRecord):
+        if isinstance(following, Failure):
+            failed: str | None = following.sentence
+        else:
             record = following
             if named:
                 message = record.message
                 targets.append(Target(record.half_width, n, record.label, True, record.certified, message))
             failed = None if record.certified else record.message
         if failed is not None:
-            steps.journal.note(failed)
+            walk.journal.note(failed)
             rest = [m for m in grids[k:] if every or m == grids[-1]]
             known = {t.segments for t in targets}
             targets += [
@@ -102,20 +104,20 @@ def _refine_all(
 
 
 def _stored(
-    steps: Steps, start: StateRecord, segments: int, stage: str, named: bool, method: str
+    walk: Walk, start: StateRecord, segments: int, stage: str, named: bool, method: str
 ) -> StateRecord | None:
     """The certified state with so many segments that is the start's own refinement, or is related to it by
     refinements; None where none is stored but, perhaps, by the stage's name.
     """
     if segments == start.segments:
         label = start.label
-    elif method == "split" or steps.journal.has(stage):
+    elif method == "split" or walk.journal.has(stage):
         return None
     else:
         kinds = ("equilibrium",) if named else ("equilibrium", "intermediate")
         known = [
             state
-            for state in _relatives(steps.journal.run, start.label)
+            for state in _relatives(walk.journal.run, start.label)
             if state["segments"] == segments and state["kind"] in kinds
         ]
         if not known:
@@ -123,8 +125,8 @@ def _stored(
         label = meant(known)["label"]
     if named:
         place = f"b = {start.half_width:.10g} and N = {segments}"
-        steps.journal.note(f"state {label} has {place} already: nothing new is stored")
-    return steps.journal.run.look_up(label)
+        walk.journal.note(f"state {label} has {place} already: nothing new is stored")
+    return walk.journal.run.look_up(label)
 
 
 def _relatives(run: Run, label: int) -> list[dict[str, Any]]:
@@ -189,13 +191,11 @@ def _grids(ref: str, segments: int, to: int | None, levels: int | None, method: 
     return grids
 
 
-def steps_from(
-    run: Run, record: StateRecord, progress: Progress, argv: Sequence[str], total: int = 1
-) -> Steps:
-    """The steps of a pass that begins at a stored state; the config's repository is the one that it names."""
+def walk_from(run: Run, record: StateRecord, progress: Progress, argv: Sequence[str], total: int = 1) -> Walk:
+    """The walk of a pass that begins at a stored state; the config's repository is the one that it names."""
     origin = {key: value for key, value in record.provenance.items() if key in _CONFIG_FACTS}
     everted = record.half_twists == 0 and not_everted(state_of(record)) is None
-    return Steps(run, record.half_twists, _spectrum(run), progress, argv, origin, total, everted)
+    return Walk(run, record.half_twists, _spectrum(run), progress, argv, origin, total, everted)
 
 
 def _spectrum(run: Run) -> SpectrumRequest:

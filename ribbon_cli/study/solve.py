@@ -18,6 +18,7 @@ from ..config import Arclength, Config, dump_resolved
 from ..errors import UsageError
 from ..store import Run, StateRecord, configs
 from ..store.folder import is_run
+from .failure import Failure, failure_of
 from .journal import run_or_read
 from .nearest import what_changed
 from .outcome import Course, Outcome, Target
@@ -32,7 +33,7 @@ from .plan import (
     width_steps,
 )
 from .progress import Progress, Silence
-from .steps import Steps
+from .walk import Walk
 
 if TYPE_CHECKING:
     from ..model.band import State
@@ -111,7 +112,7 @@ class _Study:
         planned = plan_of(config, None if given is None else _place(given.state)).stages
         self.config = config
         self.given = given
-        self.steps = Steps(
+        self.walk = Walk(
             run,
             config.half_twists,
             config.spectrum,
@@ -121,7 +122,7 @@ class _Study:
             len(planned),
             _is_everted(config, given),
         )
-        self.journal = self.steps.journal
+        self.journal = self.walk.journal
         self.planned = frozenset(stage.name for stage in planned)
         self.targets: list[Target] = []
         self.courses: list[Course] = []
@@ -161,9 +162,9 @@ class _Study:
         if record is None:
             from .guess import freed_guess
 
-            found = freed_guess(self.steps, self.config, given)
-            if isinstance(found, str):
-                self._stop(found)
+            found = freed_guess(self.walk, self.config, given)
+            if isinstance(found, Failure):
+                self._stop(found.sentence)
                 return None
             record = found
         if given is not None and record.parent_ref != given.name:
@@ -181,9 +182,11 @@ class _Study:
     def _stored_start(self, stage: str) -> StateRecord | None:
         """The freed guess, if it and all that led to it are stored."""
         line = self.journal.ancestry(stage)
+        if any(self.journal.lacks_saddle(record.stage) for record in line):
+            return None
         for record in line:
             if record.stage in self.planned:  # a halved step on the way to one counts as little as in width
-                self.steps.begin(record.stage, record.half_width, record.segments)
+                self.walk.begin(record.stage, record.half_width, record.segments)
         return line[-1] if line else None
 
     def _kept(self, record: StateRecord) -> bool:
@@ -231,8 +234,8 @@ class _Study:
         candidates = [(goal, b)] if self.journal.has(goal) else width_steps(current.half_width, b, visit)
         for stage, width in candidates:
             record = self.journal.finished(stage)
-            if record is not None:
-                self.steps.begin(stage, width, current.segments)
+            if record is not None and not self.journal.lacks_saddle(stage):
+                self.walk.begin(stage, width, current.segments)
                 if not record.certified:
                     self._stop_at(stage, record)
                 return record
@@ -244,9 +247,11 @@ class _Study:
         """The longest step towards a width that works, computed; `stopped` is set where none does."""
         from .stepping import longest_step
 
-        following, why = longest_step(self.steps, before, current, b, visit)
+        following, why = longest_step(self.walk, before, current, b, visit)
         if why is not None:
-            self._stop(why)
+            self._stop(why.sentence)
+        elif following is not None and not following.certified:  # stored, and a saddle was met again
+            self._stop_at(following.stage, following)
         return following
 
     def _contact_between(self, before: StateRecord, after: StateRecord, b: float) -> float | None:
@@ -256,7 +261,7 @@ class _Study:
         from .contact import locate_contact
 
         beside = (refined_at(self.config, end) for end in (b, before.half_width))
-        found = locate_contact(self.steps, before, after, next(filter(None, beside), ()))
+        found = locate_contact(self.walk, before, after, next(filter(None, beside), ()))
         return found[0].half_width if found else None
 
     def _branches(self, start: StateRecord, request: Arclength) -> None:
@@ -270,7 +275,7 @@ class _Study:
             request = replace(request, stop_at=(*request.stop_at, "contact"))
         from .branch import Branches
 
-        branches = Branches(self.steps, request, start)
+        branches = Branches(self.walk, request, start)
         self.courses = branches.courses
         branches.follow("branch")
 
@@ -283,10 +288,10 @@ class _Study:
             if not record.certified:
                 self._missed(b, levels[k:], f"the level before it: {record.message}")
                 return
-            following = self.steps.refine(record, n, refinement_name(b, n, visit), "equilibrium")
-            if isinstance(following, str):
-                self.journal.note(following)
-                self._missed(b, levels[k:], following)
+            following = self.walk.refine(record, n, refinement_name(b, n, visit), "equilibrium")
+            if isinstance(following, Failure):
+                self.journal.note(following.sentence)
+                self._missed(b, levels[k:], following.sentence)
                 return
             record = following
             self.targets.append(_target(record))
@@ -298,9 +303,7 @@ class _Study:
         self.journal.note(why)
 
     def _stop_at(self, stage: str, record: StateRecord, steps: str = "") -> None:
-        from .remedies import remedied  # here: a finished run does without the solver's words
-
-        self._stop(remedied(f"{stage}: {record.message}", record.status, steps))
+        self._stop(failure_of(record, stage, steps).sentence)
 
     def _missed(self, half_width: float, levels: Sequence[int], why: str | None = None) -> None:
         for n in levels:

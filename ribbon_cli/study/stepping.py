@@ -3,68 +3,93 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
-from ..solver.continuation import Move, to_width
-from ..solver.status import Result, Status
+from ..facts import Event, event
+from ..model.band import Array, State
+from ..solver.continuation import to_width
+from ..solver.status import Status
 from ..solver.tracking import PARTS
 from ..store import StateRecord
 from .acceptance import converged
-from .clock import Clock
+from .failure import Failure
 from .plan import MOST_HALVINGS, width_name, width_steps
 from .records import multipliers_of, state_of
-from .remedies import remedied
-from .steps import Steps
+from .walk import Ended, Stage, Walk, moved
+
+
+def width_step(
+    walk: Walk,
+    state: State,
+    multipliers: Array,
+    half_width: float,
+    parts: int = PARTS,
+    before: tuple[Event, ...] = (),
+) -> Ended | Failure:
+    """The minimum at another width that a state's branch leads to; `parts` as in `to_width`."""
+    move = to_width(state, multipliers, half_width, walk.options, parts)
+    result = walk.checked(move.result)
+    if result.status is Status.MINIMUM:
+        return moved(move, result, before)
+    facts = {"start": state.band.half_width, "end": half_width}
+    return Failure("step", result.status, result.detail, facts, attempt=moved(move, result))
 
 
 def longest_step(
-    steps: Steps, before: StateRecord | None, current: StateRecord, b: float, visit: int
-) -> tuple[StateRecord | None, str | None]:
+    walk: Walk, before: StateRecord | None, current: StateRecord, b: float, visit: int
+) -> tuple[StateRecord | None, Failure | None]:
     """Compute and store the longest step towards width b that works; also why none does, if none does.
 
     `before` is the state from which a halved step towards b led to the current one, None if none did. A state
-    at b that is reached without a certificate is stored, and returned with that sentence.
+    at b that is reached without a certificate is stored, and returned with the failure.
     """
     state, multipliers = state_of(current), multipliers_of(current)
-    failures: list[str] = []
-    whole: tuple[Move, Result, Clock] | None = None
-    beyond: list[float] = []
-    candidates = list(enumerate(width_steps(current.half_width, b, visit)))
-    for halvings, (stage, width) in candidates[_first_candidate(before, current, b) :]:
-        steps.begin(stage, width, current.segments)
-        clock = steps.journal.clock()
-        # Doubts are resolved down to one length, however often the step itself was halved.
-        parts = max(0, PARTS - halvings)
-        move = to_width(state, multipliers, width, steps.options, parts)
-        result = steps.checked(move.result)
-        if result.status is Status.MINIMUM:
-            kind = "equilibrium" if width == b else "intermediate"
-            reached = steps.store_move(
-                move, result, clock, kind=kind, stage=stage, parent=current.label, failures=failures
-            )
-            return reached, None
-        whole = whole or (move, result, clock)
-        beyond += [width] if result.status is Status.LEFT_BRANCH else []
-        failures.append(
-            f"a step from b = {current.half_width:.12g} to {width:.12g} failed, halved: {result.message}"
-        )
-        steps.journal.note(failures[-1])
-    assert whole is not None
-    move, result, clock = whole
+    names = width_steps(current.half_width, b, visit)
+    stages = [
+        Stage(name, width, current.segments, "equilibrium" if width == b else "intermediate", current.label)
+        for name, width in names
+    ]
+    # Doubts are resolved down to one length, however often the step itself was halved.
+    parts = {stage.name: max(0, PARTS - halvings) for halvings, stage in enumerate(stages)}
+    needed = walk.needed(stages)
+    reached, failures = walk.longest(
+        stages[_first_candidate(before, current, b) :] if needed is stages else needed,
+        lambda stage, events: width_step(
+            walk, state, multipliers, stage.half_width, parts[stage.name], events
+        ),
+        lambda stage, why: event("width-halved", **why.values, why=why.message),
+    )
+    if reached is not None:
+        return reached, None
+    return _given_up(walk, current, b, visit, failures)
+
+
+def _given_up(
+    walk: Walk, current: StateRecord, b: float, visit: int, failures: tuple[Failure, ...]
+) -> tuple[StateRecord | None, Failure]:
+    """Why no step towards a width succeeds, with the state at that width if one was reached uncertified."""
+    beyond = [why.values["end"] for why in failures if why.status is Status.LEFT_BRANCH]
     if beyond:
-        near = 0.5 * (current.half_width + beyond[-1])
-        return None, (
-            f"the branch seems to turn back (fold) near b = {near:.6g}: natural continuation towards "
-            f"b = {b:.12g} ends, its last state is {current.label} at b = {current.half_width:.12g}; "
-            f"`ribbon continue {steps.journal.run.short_name}:{current.label} --to {b:.12g} --arclength`, or "
-            f"`widths: {{arclength: {{to: {b:.12g}}}}}` in a config, goes on around it"
-        )
-    why = f"no step from b = {current.half_width:.12g} towards {b:.12g} succeeds. {result.message}"
-    why = remedied(why, result.status, "a schedule with more widths")
-    if not (converged(result) and move.band.half_width == b):
+        facts = {
+            "near": 0.5 * (current.half_width + beyond[-1]),
+            "start": current.half_width,
+            "end": b,
+            "label": current.label,
+            "state": f"{walk.journal.run.short_name}:{current.label}",
+        }
+        return None, Failure("fold", Status.LEFT_BRANCH, "", facts)
+    whole = failures[0]
+    why = replace(
+        whole,
+        kind="width",
+        values={"start": current.half_width, "end": b},
+        smaller="a schedule with more widths",
+    )
+    end = whole.attempt
+    if end is None or not (converged(end.result) and end.problem.band.half_width == b):
         return None, why
-    stage = width_name(b, visit)
-    uncertified = steps.store_move(move, result, clock, kind="equilibrium", stage=stage, parent=current.label)
-    return uncertified, why
+    stage = Stage(width_name(b, visit), b, current.segments, "equilibrium", current.label)
+    return walk.store(stage, end), why
 
 
 def _first_candidate(before: StateRecord | None, current: StateRecord, b: float) -> int:

@@ -86,4 +86,5 @@ def _compared(run: Run, coarse: Entry, fine: Entry) -> str:
 
     records = [run.load(int(entry.label or 0)) for entry in (coarse, fine)]
     options = options_for(records[0].half_twists, Silence())
-    return another_minimum(state_of(records[0]), state_of(records[1]), options)
+    found = another_minimum(state_of(records[0]), state_of(records[1]), options)
+    return "" if found is None else str(found)

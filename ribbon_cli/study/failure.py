@@ -1,0 +1,84 @@
+"""Why a stage was not reached, as a value: how the solve ended, where, and the sentence that follows from it.
+
+The sentences of statuses are stored with states, which are never changed; what is advised here may be.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from ..solver.status import Status
+from ..store import StateRecord
+
+if TYPE_CHECKING:
+    from .walk import Ended
+
+_MORE = "more segments N (`segments`), or another recipe or state to start from"
+_REMEDIES = {
+    Status.LEFT_TOPOLOGY: f"Take smaller steps{{}}, {_MORE}.",
+    Status.OTHER_SHAPE: f"Take smaller steps{{}}, {_MORE}.",
+    Status.STALLED: f"Take smaller steps{{}}, {_MORE}.",
+    Status.ITERATION_LIMIT: f"Take smaller steps{{}}, {_MORE}.",
+    Status.NOT_FINITE: f"Take smaller steps{{}}, {_MORE}.",
+    Status.LEFT_BRANCH: "Take smaller steps{}, or follow the branch by arclength.",
+    Status.INVERTED_FACET: "Take more segments N, or a narrower band.",
+    Status.SADDLE: "Another N may have a minimum; `widths: {{arclength: ...}}` goes on along saddles.",
+    Status.UNDECIDED: "`ribbon spectrum` shows the mode in question; another N may decide.",
+}
+_SENTENCES = {
+    "solve": "{stage}: {message}",
+    "state": "{stage}: {said}",
+    "refinement": "{stage}: {message}: take more or fewer segments",
+    "construction": "{stage}: {message}; its arcs are too short for these facets: take more segments, or a "
+    "narrower band",
+    "located": "{stage}: not located, at b = {end:.12g}: {message}",
+    "step": "a step from b = {start:.12g} to {end:.12g} failed: {message}",
+    "width": "no step from b = {start:.12g} towards {end:.12g} succeeds. {message}",
+    "turn": "no step from {turn} {start:.10g}/{count} succeeds: {message}",
+    "fold": "the branch seems to turn back (fold) near b = {near:.6g}: natural continuation towards "
+    "b = {end:.12g} ends, its last state is {label} at b = {start:.12g}; `ribbon continue {state} --to "
+    "{end:.12g} --arclength`, or `widths: {{arclength: {{to: {end:.12g}}}}}` in a config, goes on around it",
+}
+"""Kinds of failures with their sentences; `message` is the status's, with its detail."""
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A stage that was not reached: its kind, with the numbers of its sentence in `values`, and its status.
+
+    `status` is None where nothing was solved, and `detail` then the whole message. `smaller` says where
+    smaller steps are had. `attempt` is the end of the solve where it is of use.
+    """
+
+    kind: str
+    status: Status | None
+    detail: str
+    values: Mapping[str, Any] = field(default_factory=dict)
+    smaller: str = ""
+    attempt: Ended | None = field(default=None, compare=False, repr=False)
+
+    @property
+    def message(self) -> str:
+        """How the solve ended."""
+        return self.detail if self.status is None else f"{self.status.sentence} {self.detail}".strip()
+
+    @property
+    def bare(self) -> str:
+        """What failed and how, without advice."""
+        return _SENTENCES[self.kind].format(message=self.message, **self.values)
+
+    @property
+    def sentence(self) -> str:
+        """What failed, how, and what to do about it."""
+        told = self.status is None or self.kind in ("fold", "located")
+        remedy = None if told else _REMEDIES.get(self.status)  # type: ignore[arg-type]
+        if remedy is None:
+            return self.bare
+        return f"{self.bare} {remedy.format(f' ({self.smaller})' if self.smaller else '')}"
+
+
+def failure_of(record: StateRecord, stage: str, smaller: str = "") -> Failure:
+    """A state that was stored without a certificate, as the failure of its stage."""
+    return Failure("state", Status(record.status), "", {"stage": stage, "said": record.message}, smaller)
