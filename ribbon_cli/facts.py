@@ -7,7 +7,7 @@ sentence. Files of the formats 1.0 and 1.1 have sentences alone; `kind_of` knows
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from string import Formatter
 from typing import Any
@@ -19,11 +19,6 @@ TOLERANCE = 1e-9
 def same_width(a: float, b: float) -> bool:
     """Whether two half-widths are one."""
     return math.isclose(a, b, rel_tol=TOLERANCE)
-
-
-def same_place(a: float, segments: int, b: float, others: int) -> bool:
-    """Whether two pairs of a half-width and a number of segments are one place."""
-    return segments == others and same_width(a, b)
 
 
 _SADDLE = "met a saddle of index {index} at E = {energy:.12g}"
@@ -90,6 +85,11 @@ def event(kind: str, **values: Any) -> Event:
 def kind_of(sentence: str) -> str:
     """The kind of an event in a file of format 1.0 or 1.1, whose sentences are those of `EVENTS`."""
     return next((kind for kind, pieces in _PIECES.items() if _has(sentence, pieces)), UNKNOWN)
+
+
+def kinds_of(sentences: Iterable[str], kinds: Sequence[str] | None = None) -> tuple[str, ...]:
+    """The kinds of events: those that are kept with them, else, of an older file, what their words tell."""
+    return tuple(map(kind_of, sentences) if kinds is None else kinds)
 
 
 def _has(sentence: str, pieces: list[str]) -> bool:

@@ -150,7 +150,7 @@ def test_root_attributes_and_description_of_every_dataset(stored):
 
 
 def test_table_covers_every_field_of_the_records():
-    state = {item.field for item in STATE} | {"spectra", "branch", "provenance"}
+    state = {item.field for item in STATE} | {"spectra", "branch", "provenance", "event_kinds"}
     assert state == {field.name for field in fields(StateRecord)}
     assert {item.field for item in SPECTRUM} | {"metric"} == {field.name for field in fields(SpectrumRecord)}
     assert {item.field for item in BRANCH} == {field.name for field in fields(BranchRecord)}

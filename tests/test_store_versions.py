@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from collections import defaultdict
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,9 +12,14 @@ import pytest
 from cli_support import ribbon, ribbon_json
 from store_support import relative_files
 
-from ribbon_cli.store import FORMAT_VERSION, Run, decode
+from ribbon_cli.facts import EVENTS, UNKNOWN, kind_of
+from ribbon_cli.model.geometry import geometry
+from ribbon_cli.store import FORMAT_VERSION, Run, content_sha256, decode, encode
 from ribbon_cli.store.folder import RUN_FORMAT_VERSION
+from ribbon_cli.store.hdf5 import decode_bytes
 from ribbon_cli.store.preamble import head_version
+from ribbon_cli.study import judge
+from ribbon_cli.study.records import state_of
 from ribbon_cli.study.verification import verify_record
 
 DATA = Path(__file__).parent / "data"
@@ -38,7 +44,7 @@ def folder(request, tmp_path, monkeypatch) -> Path:
 
 
 def test_there_is_a_frozen_run_of_every_version_up_to_this_one():
-    assert VERSIONS == ["1.0", "1.1"]
+    assert VERSIONS == ["1.0", "1.1", "1.2"]
     assert VERSIONS[-1] == FORMAT_VERSION == RUN_FORMAT_VERSION
     for version in VERSIONS:
         heads = {head_version(path.read_bytes()) for path in frozen(version).glob("states/*.h5")}
@@ -121,6 +127,51 @@ def test_what_the_band_in_two_pieces_of_1_1_says():
     np.testing.assert_array_equal(record.g_cut, [0.0, -1.0, 0.0])
     assert np.flatnonzero(np.isnan(record.kappa_s)).tolist() == [0, 8]
     assert ribbon("verify", IN_TWO).exit_code == 0
+
+
+def test_events_of_every_version_have_kinds():
+    """Files of 1.0 and 1.1 have sentences alone, of which the words are known."""
+    known = {}
+    for version in VERSIONS:
+        run = Run.open(frozen(version))
+        for state in run.states(all=True):
+            assert run.load(state["label"]).event_kinds == tuple(state["event_kinds"])
+            known.setdefault(version, []).extend(state["event_kinds"])
+    assert known == {
+        "1.0": ["saddle-left"],
+        "1.1": ["width-reached"],
+        "1.2": ["turn-halved", "turn-halved", "saddle-left"],
+    }
+
+
+def test_the_kinds_of_events_are_read_from_the_file_and_not_from_its_sentences():
+    record = replace(decode(IN_TWO), events=("as I said", "a fold"), event_kinds=("fold", "later-word"))
+    again = decode_bytes(encode(record), "x.h5")
+    assert (again.events, again.event_kinds) == (record.events, ("fold", "later-word"))
+    assert content_sha256(again) == content_sha256(replace(record, event_kinds=("fold", "fold")))
+    for wrong in (("fold",), ("fold", "two words"), ("fold", "")):
+        with pytest.raises(ValueError, match=r"2 events have \d kinds, of one word each"):
+            encode(replace(record, event_kinds=wrong))
+
+
+def test_every_sentence_is_known_by_its_words():
+    numbers = defaultdict(lambda: 1.5)
+    for kind, sentence in EVENTS.items():
+        assert kind_of(sentence.format_map(numbers)) == kind
+    assert kind_of("something else: 1.5") == UNKNOWN
+
+
+def test_open_seams_have_no_fold_and_older_numbers_there_are_no_error():
+    """1.0 and 1.1 have the strip closed up at the first node, and verify takes both."""
+    record = Run.open(frozen("1.2")).load(1)
+    assert record.seam_open
+    for name in ("kappa_s", "tau", "eta"):
+        assert np.flatnonzero(np.isnan(getattr(record, name))).tolist() == [0]
+    shape = geometry(state_of(record))
+    older = replace(record, kappa_s=shape.kappa_s, tau=shape.tau, eta=shape.eta)
+    assert verify_record(older) == []
+    assert verify_record(replace(older, eta=shape.eta + 1e-5 * (np.arange(record.segments) == 0)))
+    assert judge(record, older).answer == "same to rounding"
 
 
 @pytest.mark.parametrize(

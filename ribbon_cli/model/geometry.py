@@ -16,7 +16,8 @@ class Geometry:
 
     `kappa_s` signed curvature, `tau` = kappa_s eta torsion and `eta` = u.g sit at nodes, `eta_prime` at
     facets. kappa_s and eta refer to the side that the ruling names: on a one-sided band they change sign
-    across the seam.
+    across the seam. Where the seam is open there is no fold 1: kappa_s, tau and eta of node 1 are not
+    numbers.
     """
 
     midline: Array
@@ -29,14 +30,15 @@ class Geometry:
 def geometry(state: State, end_ruling: Array | None = None) -> Geometry:
     """Shape functions of a state; `end_ruling` (3,) is g_{N+1} where the seam is open.
 
-    The curvature is that of the folds. Where the seam is open, fold 1 is taken as if it were closed.
+    The curvature is that of the folds.
     """
     band = state.band
     fold = folding.from_state(state)
-    kappa = fold.curvature(band.h)
+    kappa, eta = fold.curvature(band.h), fold.eta.copy()
     following = state.next_rulings()
     if end_ruling is not None:
         following[-1] = end_ruling
+        kappa[0] = eta[0] = np.nan
     rise = np.einsum("ij,ij->i", state.u, following - state.g)
     midline = np.vstack((np.zeros(3), np.cumsum(state.u, axis=0) * band.h))
-    return Geometry(midline, kappa, kappa * fold.eta, fold.eta, rise / band.h)
+    return Geometry(midline, kappa, kappa * eta, eta, rise / band.h)

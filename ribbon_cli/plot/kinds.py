@@ -251,17 +251,12 @@ def _branch(source: Source, style: Style) -> Picture:
     located = [
         state["half_width"]
         for state in run.states(all=True)
-        if state["segments"] == states[0]["segments"] and any(map(_is_first_contact, state["events"]))
+        if state["segments"] == states[0]["segments"] and "first-contact" in state["event_kinds"]
     ]
     contact = min(located, default=None)
     lowest = [lowest_value(r, "rotation", "sliding") for r in records]
     figure = branch_figure(states, lowest, style, contact)
     return Picture(figure, f"Branch in the width{left_out(run, states)}", records)
-
-
-def _is_first_contact(event: str) -> bool:
-    """Whether an event of a state is that the first contact was located at it."""
-    return event.startswith("first contact: ")
 
 
 def _followed(run: Run, followed: dict[str, list[dict[str, Any]]], style: Style) -> Picture:

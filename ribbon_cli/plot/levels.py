@@ -13,7 +13,6 @@ from ribbon_cli.errors import UsageError
 from ribbon_cli.plot.labels import LEGEND_LINE, band_text, curve_labels, legend_above, width_texts
 from ribbon_cli.plot.panels import panels
 from ribbon_cli.plot.style import GREY, LIGHT_GREY, PALETTE, Style, line_look, marked_look
-from ribbon_cli.report.convergence import is_doubtful
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -193,7 +192,7 @@ def convergence_figure(table: Table, style: Style) -> Figure:
         label = f"$b$ = {text}" + (f"\n0 at $N$ = {', '.join(zeros)}" if zeros else "")
         places = [row.segments for row in rows], [row.delta or math.nan for row in rows]
         axes.loglog(*places, label=label, **marked_look(k))
-    doubtful = [row for rows in groups.values() for row in rows if row.delta and is_doubtful(row)]
+    doubtful = [row for rows in groups.values() for row in rows if row.delta and row.doubtful]
     if doubtful:
         places = [row.segments for row in doubtful], [row.delta or math.nan for row in doubtful]
         label = "no certificate, or\nanother minimum"

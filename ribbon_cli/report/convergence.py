@@ -12,6 +12,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from ribbon_cli import digits
+from ribbon_cli.facts import same_width
 
 ORDER = 2
 """Theoretical order of the discrete energy, E_N = E + c2 h^2 + c4 h^4 + ... (Koldaev (2022), section 2.2)."""
@@ -39,13 +40,6 @@ FALL = 2.0**ORDER
 SOLVER_FLOOR = 1e-11
 """Relative size below which a difference of energies is the solver's tolerance and not the grid's doing."""
 
-SAME_WIDTH = 1e-9
-"""Relative difference up to which two half-widths are the same."""
-
-
-_UNCERTIFIED, _ELSEWHERE = "no certificate: ", " is not on the branch of "
-"""What notes say of energies that a difference should not be taken of."""
-
 
 @dataclass(frozen=True)
 class Entry:
@@ -69,7 +63,8 @@ class Row:
     `delta` = |E_N - E_2N| (3.11), `ratio` = Delta_N / Delta_2N, `order` = log2(ratio) unless the two
     differences have opposite signs: then there is none, and `note` says so. Nor is there a ratio or order
     where one of the energies is another minimum's; `note` says where `delta` has no meaning for that.
-    `certified` speaks of E_N alone; `note` names every energy behind `delta` that has no certificate.
+    `certified` speaks of E_N alone; `note` names every energy behind `delta` that has no certificate, and the
+    row is `doubtful` for such an energy, or for one that is of another minimum.
     """
 
     half_width: float
@@ -81,6 +76,7 @@ class Row:
     certified: bool
     label: int | str | None
     note: str
+    doubtful: bool = False
 
 
 @dataclass(frozen=True)
@@ -127,7 +123,7 @@ def convergence_rows(entries: Iterable[Entry], length: float = 2 * math.pi) -> T
 def _groups(entries: Iterable[Entry]) -> list[tuple[float, dict[int, Entry]]]:
     groups: list[tuple[float, dict[int, Entry]]] = []
     for entry in entries:
-        known = (group for b, group in groups if math.isclose(b, entry.half_width, rel_tol=SAME_WIDTH))
+        known = (group for b, group in groups if same_width(b, entry.half_width))
         group = next(known, None)
         if group is None:
             group = {}
@@ -157,9 +153,9 @@ def _row(half_width: float, segments: int, group: Mapping[int, Entry]) -> Row:
     ratio = abs(here / there) if here is not None and there and not broken else None
     turns = here is not None and there is not None and here * there < 0 and not broken
     used = (segments,) if here is None else (segments, 2 * segments)
-    notes = [f"{_UNCERTIFIED}E_{n}" for n in used if not group[n].certified]
+    notes = [f"no certificate: E_{n}" for n in used if not group[n].certified]
     if 2 * segments in broken:
-        notes.append(f"E_{2 * segments}{_ELSEWHERE}E_{segments}: {group[2 * segments].breaks}")
+        notes.append(f"E_{2 * segments} is not on the branch of E_{segments}: {group[2 * segments].breaks}")
     if turns:
         notes.append("the difference changes sign: no order")
     return Row(
@@ -172,12 +168,8 @@ def _row(half_width: float, segments: int, group: Mapping[int, Entry]) -> Row:
         certified=group[segments].certified,
         label=group[segments].label,
         note="; ".join(notes),
+        doubtful=2 * segments in broken or not all(group[n].certified for n in used),
     )
-
-
-def is_doubtful(row: Row) -> bool:
-    """Whether an energy behind a row's difference has no certificate, or is of another minimum."""
-    return row.note.startswith(_UNCERTIFIED) or _ELSEWHERE in row.note
 
 
 def _extrapolate(half_width: float, group: Mapping[int, Entry], length: float) -> Extrapolation:
@@ -363,7 +355,7 @@ def _second_minimum_note(
 
 def is_at(place: Entry | Row | ComparisonRow, half_width: float, segments: int) -> bool:
     """Whether `place` speaks of this half-width (to a relative 1e-9) and this N."""
-    return place.segments == segments and math.isclose(place.half_width, half_width, rel_tol=SAME_WIDTH)
+    return place.segments == segments and same_width(place.half_width, half_width)
 
 
 def _find(table: Table, half_width: float, segments: int) -> Row | None:

@@ -93,7 +93,11 @@ def as_csv(table: Table, comparison: Sequence[ComparisonRow] = ()) -> str:
     The header is there for a table without rows, too.
     """
     extrapolated = {item.half_width: item for item in table.extrapolations}
-    columns = [*(field.name for field in fields(Row)), *(_COMPARED if comparison else ()), *_LIMIT]
+    columns = [
+        *(field.name for field in fields(Row) if field.name != "doubtful"),
+        *(_COMPARED if comparison else ()),
+        *_LIMIT,
+    ]
     records = []
     for row in table.rows:
         limit = extrapolated[row.half_width]
@@ -183,6 +187,7 @@ def _comparison_cells(row: Row, comparison: Sequence[ComparisonRow], notes: Sequ
 
 def _record(row: Row, comparison: Sequence[ComparisonRow]) -> dict[str, object]:
     record = asdict(row)
+    del record["doubtful"]  # what the note says to people
     if comparison:
         item = _published(row, comparison)
         record |= {

@@ -102,6 +102,9 @@ def _state(entry: dict[str, Any]) -> None:
         raise ValueError(f"it does not name the file of state {state['label']} with its hash")
     of = f"of state {state['label']} is missing, or of another type"
     _require(state, _OF_STATE, of)
+    kinds = state.get("event_kinds", [""] * len(state["events"]))
+    if not isinstance(kinds, list) or not _are_texts(kinds) or len(kinds) != len(state["events"]):
+        raise ValueError(f"event_kinds {of}")
     for name in _POSITIVE:
         if not (state[name] or 0) > 0:
             raise ValueError(f"{name} of state {state['label']} is not positive")

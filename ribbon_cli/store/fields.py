@@ -182,9 +182,10 @@ def _record_values(
     return found
 
 
-def assemble(values: Mapping[str, Value]) -> StateRecord:
+def assemble(values: Mapping[str, Value], event_kinds: tuple[str, ...] | None = None) -> StateRecord:
     """Return the record of a file's values, a mapping from path to value; the inverse of `flatten`.
 
+    `event_kinds` are those of the file's events, None where it does not have them.
     Paths that layout.py does not know are skipped: a newer minor version may add them.
     Raises ValueError where a dataset is missing or does not fit.
     """
@@ -203,7 +204,8 @@ def assemble(values: Mapping[str, Value]) -> StateRecord:
     if any(path.startswith("/branch/") for path in values):
         branch = BranchRecord(**_record_values(values, BRANCH, _dims(n)))
     fields = _record_values(values, STATE, _dims(n))
-    record = StateRecord(**fields, spectra=tuple(spectra), branch=branch, provenance=_provenance(values))
+    fields |= {"spectra": tuple(spectra), "branch": branch, "event_kinds": event_kinds}
+    record = StateRecord(**fields, provenance=_provenance(values))
     _check_scales(values, record)
     return record
 

@@ -18,7 +18,7 @@ from ribbon_cli.errors import StoreError
 from ribbon_cli.store.atomic import without_waiting
 from ribbon_cli.store.content import values_sha256
 from ribbon_cli.store.fields import Field, assemble, flatten, scales, value_dtype, value_shape
-from ribbon_cli.store.layout import DIMENSIONS, FORMAT, FORMAT_VERSION, SIGNALS
+from ribbon_cli.store.layout import DIMENSIONS, EVENTS, FORMAT, FORMAT_VERSION, KINDS_OF_EVENTS, SIGNALS
 from ribbon_cli.store.preamble import block_size, check_seal, check_version, head_version, seal
 from ribbon_cli.store.record import StateRecord
 from ribbon_cli.store.summaries import agrees, describe
@@ -38,6 +38,8 @@ PACK = "ribbon-pack"
 """The format that packed runs name."""
 MAX_OBJECTS = 1000
 """Most groups and datasets that are visited; a state has less than a hundred."""
+MOST_OF_KINDS = 2**20
+"""Most bytes that the kinds of a state's events take."""
 _FILTERS = {1, 2, 3}  # deflate, shuffle, fletcher32: all built in, so that no plug-in is ever loaded
 UNREADABLE = (
     OSError,
@@ -65,6 +67,7 @@ def encode(record: StateRecord) -> bytes:
     from h5py import h5f, h5fd, h5p
 
     fields = flatten(record)
+    _check_kinds(record)
     content = values_sha256({field.item.path: field.value for field in fields})
     summary = describe(record, content)
     fields += scales(fields, record.length, record.segments)
@@ -84,6 +87,8 @@ def encode(record: StateRecord) -> bytes:
             write_text_attribute(file.id, name, text)
         _write_groups(file, fields)
         datasets = {field.item.path: _write_dataset(file, field) for field in fields}
+        if record.event_kinds:
+            write_text_attribute(datasets[EVENTS], KINDS_OF_EVENTS, " ".join(record.event_kinds))
         _write_axes(file, fields, datasets)
     return seal(image.getvalue(), summary)
 
@@ -226,7 +231,8 @@ def decode_bytes(data: bytes, source: str) -> StateRecord:
             values = _read_values(file)
             if values_sha256(values) != stored:
                 raise ValueError("its content does not match its content_sha256")
-            record = assemble(values)
+            record = assemble(values, _event_kinds(file))
+            _check_kinds(record)
             if head is not None and not agrees(head, record, stored):
                 raise ValueError("the summary in its head is not that of its content")
             return record
@@ -254,14 +260,29 @@ def _check_root(file: h5py.File, source: str, head: str | None) -> str:
     return text_attribute(file, "content_sha256")
 
 
-def text_attribute(file: h5py.File, name: str) -> str:
-    """Read a root attribute. Raises ValueError unless it is one short fixed-length text."""
-    if name not in file.attrs:
-        raise ValueError(f"the root attribute {name!r} is missing")
-    attribute = file.attrs.get_id(name)
-    if attribute.shape != () or attribute.dtype.kind != "S" or attribute.dtype.itemsize > 256:
-        raise ValueError(f"the root attribute {name!r} is not a short text")
-    value = file.attrs[name]
+def _check_kinds(record: StateRecord) -> None:
+    """Raise ValueError unless each event has a kind."""
+    kinds = record.event_kinds or ()
+    if len(kinds) != len(record.events) or any(kind.split() != [kind] for kind in kinds):
+        raise ValueError(f"{len(record.events)} events have {len(kinds)} kinds, of one word each")
+
+
+def _event_kinds(file: h5py.File) -> tuple[str, ...] | None:
+    """The kinds of a state's events, None in a file of format 1.0 or 1.1. Raises ValueError."""
+    events = file.get(EVENTS)
+    if events is None or KINDS_OF_EVENTS not in events.attrs:
+        return None
+    return tuple(text_attribute(events, KINDS_OF_EVENTS, MOST_OF_KINDS).split())
+
+
+def text_attribute(owner: h5py.HLObject, name: str, most: int = 256) -> str:
+    """Read an attribute. Raises ValueError unless it is one fixed-length text of `most` bytes."""
+    if name not in owner.attrs:
+        raise ValueError(f"the attribute {name!r} is missing")
+    attribute = owner.attrs.get_id(name)
+    if attribute.shape != () or attribute.dtype.kind != "S" or attribute.dtype.itemsize > most:
+        raise ValueError(f"the attribute {name!r} is not a short text")
+    value = owner.attrs[name]
     return value.decode() if isinstance(value, bytes) else str(value)
 
 

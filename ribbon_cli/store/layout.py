@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 FORMAT = "ribbon-state"
-FORMAT_VERSION = "1.1"
+FORMAT_VERSION = "1.2"
 """major.minor: readers refuse a newer major, and skip what a newer minor adds."""
 
 Dtype = Literal["float64", "int64", "bool", "utf-8"]
@@ -45,6 +45,9 @@ DIMENSIONS = {
 
 Names are never used for anything else.
 """
+
+EVENTS, KINDS_OF_EVENTS = "/origin/events", "kinds"
+"""The dataset with the sentences of events, and its attribute with a word for each; 1.1 does not have it."""
 
 SIGNALS = {
     "/state": "u",

@@ -11,6 +11,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from ribbon_cli.facts import kinds_of
+
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
@@ -101,6 +103,7 @@ class StateRecord:
     seam is closed, prescribed while it is open (`seam_open`; None means closed). `prescribed` (N,) marks
     rulings that an auxiliary problem holds; None means none. `cut_node` and `g_cut` (3,) belong to bands in
     two pieces alone. `spectra` are kept in the order of their metrics' names.
+    `event_kinds` are words for `events`, one each; None means what the sentences of older files tell.
     `provenance` says which program made the state, where and when; it is no part of the scientific content.
     Raises ValueError for an unknown kind, a label below 1 or two spectra in one metric.
     """
@@ -152,6 +155,7 @@ class StateRecord:
     method: str = ""
     newton_steps: int = 0
     events: tuple[str, ...] = ()
+    event_kinds: tuple[str, ...] | None = None
     prescribed: NDArray[np.bool_] | None = None
     seam_open: bool | None = None
     provenance: Mapping[str, str | int | float] = field(default_factory=dict)
@@ -166,6 +170,7 @@ class StateRecord:
             raise ValueError("a state holds at most one spectrum in each metric")
         object.__setattr__(self, "spectra", spectra)
         object.__setattr__(self, "events", tuple(str(event) for event in self.events))
+        object.__setattr__(self, "event_kinds", kinds_of(self.events, self.event_kinds))
         _to_float64(self, _UNKNOWNS + _MULTIPLIERS + _GEOMETRY)
         if self.g_cut is not None:
             _to_float64(self, ("g_cut",))

@@ -28,7 +28,7 @@ from ribbon_cli.store.hdf5 import decode_bytes, read_bytes
 from ribbon_cli.store.preamble import check_seal, check_version
 from ribbon_cli.store.record import StateRecord
 from ribbon_cli.store.root import named
-from ribbon_cli.store.summaries import describe
+from ribbon_cli.store.summaries import completed, describe
 
 
 def sweep(folder: Path, events: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -205,7 +205,7 @@ def _checked_entry(folder: Path, entry: dict[str, Any], there: Collection[int]) 
         if hashlib.sha256(data).hexdigest() != entry["sha256"]:
             raise ValueError("not the bytes that were committed")
         state = _summary(data, path)
-        if state == entry["state"]:
+        if state == completed(entry["state"]):
             return entry, ""
         anew = _readable(state_entry(state, data) | {"time": entry["time"]})
         return anew, f"wrote the line on state {label} anew"

@@ -10,11 +10,12 @@ from typing import Any
 
 from ribbon_cli.errors import UsageError
 from ribbon_cli.expression import evaluate
+from ribbon_cli.facts import TOLERANCE
 from ribbon_cli.store.folder import is_run
 from ribbon_cli.store.root import named
 from ribbon_cli.store.run import Run
 
-WIDTH_TOLERANCE = 1e-9
+WIDTH_TOLERANCE = TOLERANCE
 """Relative difference up to which `@b=` matches a half-width."""
 _FILES = (".h5", ".hdf5", ".npz")
 _SHOWN = 12

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import fields
 from typing import Any
 
+from ribbon_cli.facts import kinds_of
 from ribbon_cli.store.record import StateRecord
 
 _FIELDS = frozenset(field.name for field in fields(StateRecord))
@@ -33,6 +34,7 @@ class StoredRecord(StateRecord):
         else:  # the summary's is a part of it
             del known["branch"]
         known["events"] = tuple(state.get("events") or ())
+        known["event_kinds"] = kinds_of(known["events"], state.get("event_kinds"))
         known["_read"] = read
         return record
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from ribbon_cli.facts import kinds_of
 from ribbon_cli.store.layout import BRANCH, STATE
 from ribbon_cli.store.log import to_json
 from ribbon_cli.store.record import StateRecord
@@ -20,7 +21,14 @@ def summary(source: StateRecord | Mapping[str, Any], run: str | None = None) -> 
     Not-a-number is None. Both sources give the same.
     """
     state = describe(source) if isinstance(source, StateRecord) else source["state"]
-    return {"run": run, **state}
+    return {"run": run, **completed(state)}
+
+
+def completed(state: Mapping[str, Any]) -> Mapping[str, Any]:
+    """A summary of an earlier format with the kinds of its events, which it lacks."""
+    if "event_kinds" in state:
+        return state
+    return {**state, "event_kinds": list(kinds_of(state["events"]))}
 
 
 def describe(record: StateRecord, content: str | None = None) -> dict[str, Any]:
@@ -33,6 +41,7 @@ def describe(record: StateRecord, content: str | None = None) -> dict[str, Any]:
             state.setdefault("topology", {})[item.field] = getattr(record, item.field)
         elif item.summary:
             state[item.field] = _scalar(getattr(record, item.field), item.dtype)
+    state["event_kinds"] = list(record.event_kinds or ())
     if record.branch is not None:
         state["branch"] = {
             item.field: _scalar(getattr(record.branch, item.field), item.dtype)
@@ -45,7 +54,8 @@ def describe(record: StateRecord, content: str | None = None) -> dict[str, Any]:
 
 def agrees(state: Mapping[str, Any], record: StateRecord, content: str | None = None) -> bool:
     """Whether a stored summary is the record's; what a newer version has put into it is passed over."""
-    return all(key in state and state[key] == value for key, value in describe(record, content).items())
+    known = completed(state)
+    return all(key in known and known[key] == value for key, value in describe(record, content).items())
 
 
 def _scalar(value: Any, dtype: str) -> Any:

@@ -57,14 +57,14 @@ def _turned(state: State, joined: State, k: int) -> Ended:
 def in_two_pieces(joined: State, pieces: Pieces) -> dict[str, Any]:
     """What the record of a band in two pieces has in place of the joined one's.
 
-    Folds at the cuts do not exist: their curvature is not a number and their energy is left out. Neither
-    linking number nor clearance is defined.
+    Folds at the cuts do not exist: kappa_s, tau and eta are no numbers there, and their energy is left out.
+    Neither linking number nor clearance is defined.
     """
     half, nan = joined.band.segments // 2, float("nan")
     problem = Problem(joined.band)
     shape = geometry(joined)
-    kappa, tau = shape.kappa_s.copy(), shape.tau.copy()
-    kappa[[0, half]] = tau[[0, half]] = nan
+    kappa, tau, eta = shape.kappa_s.copy(), shape.tau.copy(), shape.eta.copy()
+    kappa[[0, half]] = tau[[0, half]] = eta[[0, half]] = nan
     terms = problem.energy_terms(joined.vector())
     return {
         "u": pieces.u,
@@ -75,6 +75,7 @@ def in_two_pieces(joined: State, pieces: Pieces) -> dict[str, Any]:
         "midline": pieces.midline,
         "kappa_s": kappa,
         "tau": tau,
+        "eta": eta,
         "energy": float(terms.sum() - terms[0] - terms[half]),
         "linking_number": nan,
         "twist": nan,

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from bisect import bisect_left, bisect_right, insort
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ..config import Config
+from ..facts import same_width
 
 SECONDS_PER_STATE = 0.05
 SECONDS_PER_SEGMENT = 1.2e-4
@@ -107,7 +107,7 @@ def start_name(config: Config) -> str:
 def start_width(config: Config, half_width: float) -> float:
     """Half-width at which the guess is freed: the first that the config names, if rounding parts them."""
     widths = config.widths
-    return widths[0] if widths and math.isclose(widths[0], half_width, rel_tol=1e-9) else half_width
+    return widths[0] if widths and same_width(widths[0], half_width) else half_width
 
 
 def start_kind(config: Config, half_width: float | None) -> str:

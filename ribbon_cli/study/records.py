@@ -61,6 +61,7 @@ def build_record(label: int, reached: Reached, clock: Clock, spectrum: SpectrumR
     band, state = problem.band, result.state
     named = result.named_multipliers()
     spectra, remarks = _spectra(problem, result, spectrum)
+    events = (*reached.events, *remarks)
     return StateRecord(
         **derive(reached),
         label=label,
@@ -91,7 +92,8 @@ def build_record(label: int, reached: Reached, clock: Clock, spectrum: SpectrumR
         parent_ref=reached.parent_ref,
         method=reached.method,
         newton_steps=reached.steps,
-        events=tuple(map(str, (*reached.events, *remarks))),
+        events=tuple(map(str, events)),
+        event_kinds=tuple(event.kind for event in events),
         prescribed=_prescribed(problem),
         seam_open=True if problem.prescription.seam is not None else None,
         provenance=clock.facts(),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
@@ -10,16 +9,16 @@ from typing import Any, Literal
 from ..config import SpectrumRequest
 from ..config.recipes import SEGMENTS
 from ..errors import RibbonError, UsageError
+from ..facts import OTHER_MINIMA, same_width
 from ..recipes.eversion import not_everted
 from ..store import Run, StateRecord, resolve_state
-from ..store.refs import WIDTH_TOLERANCE, meant
+from ..store.refs import meant
 from .failure import Failure
 from .journal import run_or_read
 from .outcome import Outcome, Target
 from .progress import Progress, Silence
 from .records import state_of
 from .resolved import resolved_config
-from .table import ANOTHER
 from .walk import Walk
 
 _CONFIG_FACTS = ("git_revision", "git_dirty")
@@ -139,7 +138,7 @@ def _relatives(run: Run, label: int) -> list[dict[str, Any]]:
     states = {state["label"]: state for state in every if state["certified"] or state["label"] == label}
     found, own = {label}, {label}
     links = [
-        (state["label"], state["parent"], any(event.startswith(ANOTHER) for event in state["events"]))
+        (state["label"], state["parent"], not OTHER_MINIMA.isdisjoint(state["event_kinds"]))
         for state in states.values()
         if state["parent"] in states and _regridded(states[state["parent"]], state)
     ]
@@ -156,7 +155,7 @@ def _relatives(run: Run, label: int) -> list[dict[str, Any]]:
 
 def _regridded(before: Mapping[str, Any], after: Mapping[str, Any]) -> bool:
     """Whether a step led to another N at the same width."""
-    same = math.isclose(before["half_width"], after["half_width"], rel_tol=WIDTH_TOLERANCE)
+    same = same_width(before["half_width"], after["half_width"])
     return same and before["segments"] != after["segments"]
 
 

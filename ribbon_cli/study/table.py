@@ -7,11 +7,9 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+from ..facts import OTHER_MINIMA, same_width
 from ..report.convergence import Entry, Table, convergence_rows
 from ..store import Run
-
-ANOTHER = "another minimum"
-"""How the event of a refinement begins that ended in another minimum than it came from."""
 
 
 def table_entries(run: Run) -> list[Entry]:
@@ -44,7 +42,7 @@ def run_table(run: Run) -> Table:
 
 
 def _same(a: Entry, b: Entry) -> bool:
-    return a.segments == b.segments and math.isclose(a.half_width, b.half_width, rel_tol=1e-9)
+    return a.segments == b.segments and same_width(a.half_width, b.half_width)
 
 
 def _break(run: Run, states: Mapping[int, Mapping[str, Any]], chosen: list[Entry], fine: Entry) -> str:
@@ -55,7 +53,8 @@ def _break(run: Run, states: Mapping[int, Mapping[str, Any]], chosen: list[Entry
         return ""
     state = states[int(fine.label or 0)]
     while True:
-        found = next((event for event in state["events"] if event.startswith(ANOTHER)), "")
+        told = zip(state["event_kinds"], state["events"], strict=True)
+        found = next((sentence for kind, sentence in told if kind in OTHER_MINIMA), "")
         if found:
             return found
         if state["parent"] not in states:
@@ -66,7 +65,7 @@ def _break(run: Run, states: Mapping[int, Mapping[str, Any]], chosen: list[Entry
         if state["kind"] == "equilibrium" and _same(_place(state), coarse):
             if _one_energy(state["energy"], coarse.energy):
                 return ""
-            return f"{ANOTHER}: refined from state {state['label']} with E = {state['energy']:.9g}"
+            return f"another minimum: refined from state {state['label']} with E = {state['energy']:.9g}"
 
 
 def _place(state: Mapping[str, Any]) -> Entry:
