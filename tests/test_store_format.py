@@ -125,7 +125,7 @@ def test_root_attributes_and_description_of_every_dataset(stored):
     path = stored(record)
     with h5py.File(path) as file:
         assert file.attrs["format"] == b"ribbon-state"
-        assert file.attrs["format_version"] == b"1.1"
+        assert file.attrs["format_version"] == b"1.2"
         assert file.attrs["content_sha256"].decode() == content_sha256(record)
         paths = []
 
