@@ -207,13 +207,12 @@ def history_lines(events: Iterable[Mapping[str, Any]]) -> dict[str, str]:
     return lines
 
 
-def gathered(failures: Iterable[str]) -> list[str]:
+def gathered(causes: Iterable[tuple[str, str]]) -> list[str]:
     """Failures with those of one cause on one line: `b = 0.5, N = 50; b = 0.5, N = 100: not reached: ...`."""
     places: dict[str, list[str]] = {}
-    for failure in failures:
-        place, _, cause = failure.partition(": ")
+    for place, cause in causes:
         places.setdefault(cause, []).append(place)
-    return [f"{'; '.join(group)}: {cause}" if cause else group[0] for cause, group in places.items()]
+    return [f"{'; '.join(group)}: {cause}" for cause, group in places.items()]
 
 
 def plan_table(stages: Sequence[PlannedStage], whole: bool) -> str:

@@ -103,6 +103,6 @@ def report(settings: Settings, outcome: Outcome) -> int:
             emit("\n" + branch_text(course))
     new = f"{outcome.new_states} new state{'s' * (outcome.new_states != 1)}"
     say(settings, f"{outcome.run.path}: {new}; `ribbon ls {typed(outcome.run)}` lists the run")
-    for failure in gathered(outcome.failures):
+    for failure in gathered(outcome.causes):
         complain(f"ribbon: {failure}")
     return outcome.exit_code

@@ -64,7 +64,7 @@ def convergence_table(
     table = _table(run, outcome)
     comparison = _comparison(settings, run, table, other) if thesis else ()
     deliver(settings, RENDERERS[style](table, comparison), output)
-    failures = [*gathered(outcome.failures if outcome else ()), *_uncertified(run, table, outcome)]
+    failures = [*gathered(outcome.causes if outcome else ()), *_uncertified(run, table, outcome)]
     for failure in failures:
         complain(f"ribbon: {failure}")
     return TargetError.exit_code if failures else 0

@@ -277,11 +277,12 @@ def _event_kinds(file: h5py.File) -> tuple[str, ...] | None:
 
 def text_attribute(owner: h5py.HLObject, name: str, most: int = 256) -> str:
     """Read an attribute. Raises ValueError unless it is one fixed-length text of `most` bytes."""
+    what = f"the {'root ' if owner.name == '/' else ''}attribute {name!r}"
     if name not in owner.attrs:
-        raise ValueError(f"the attribute {name!r} is missing")
+        raise ValueError(f"{what} is missing")
     attribute = owner.attrs.get_id(name)
     if attribute.shape != () or attribute.dtype.kind != "S" or attribute.dtype.itemsize > most:
-        raise ValueError(f"the attribute {name!r} is not a short text")
+        raise ValueError(f"{what} is not a short text")
     value = owner.attrs[name]
     return value.decode() if isinstance(value, bytes) else str(value)
 

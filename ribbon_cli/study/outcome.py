@@ -88,11 +88,16 @@ class Outcome:
     branches: tuple[Course, ...] = ()
 
     @property
-    def failures(self) -> tuple[str, ...]:
-        """A line for each target not reached or without certificate, and each branch that broke off."""
-        missed = (f"b = {t.half_width:.12g}, N = {t.segments}: {t.message}" for t in self.targets if t.failed)
-        broken = (f"{c.name}, b = {c.half_width:.12g}: {c.message}" for c in self.branches if c.failed)
+    def causes(self) -> tuple[tuple[str, str], ...]:
+        """Where and why a target was not reached or has no certificate, or a branch broke off."""
+        missed = ((f"b = {t.half_width:.12g}, N = {t.segments}", t.message) for t in self.targets if t.failed)
+        broken = ((f"{c.name}, b = {c.half_width:.12g}", c.message) for c in self.branches if c.failed)
         return (*missed, *broken)
+
+    @property
+    def failures(self) -> tuple[str, ...]:
+        """The same, a line each."""
+        return tuple(f"{place}: {cause}" for place, cause in self.causes)
 
     @property
     def exit_code(self) -> int:
