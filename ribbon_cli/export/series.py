@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 from ribbon_cli.errors import UsageError
-from ribbon_cli.facts import same_width
-from ribbon_cli.store.refs import no_equilibria
+from ribbon_cli.store.refs import WIDTH_TOLERANCE, no_equilibria
 
 if TYPE_CHECKING:
     from ribbon_cli.store import Run
@@ -42,7 +42,7 @@ def left_out(run: Run, chosen: list[dict[str, Any]]) -> str:
 
 def same_width(one: dict[str, Any], other: dict[str, Any]) -> bool:
     """Whether two states have the same half-width, as references understand it."""
-    return same_width(one["half_width"], other["half_width"])
+    return math.isclose(one["half_width"], other["half_width"], rel_tol=WIDTH_TOLERANCE)
 
 
 def branch(run: Run, segments: int | None = None) -> list[dict[str, Any]]:
@@ -69,7 +69,7 @@ def finest(run: Run) -> list[dict[str, Any]]:
     branch(run)
     found: dict[float, dict[str, Any]] = {}
     for state in latest(run.states()):
-        key = next((b for b in found if same_width(b, state["half_width"])), None)
+        key = next((b for b in found if math.isclose(b, state["half_width"], rel_tol=WIDTH_TOLERANCE)), None)
         found[state["half_width"] if key is None else key] = state
     return list(found.values())
 
