@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from ribbon_cli.store import Run
 
 _AXES = ("half_width", "segments")
-_LEFT_OUT = ("run", "kind", "events", *_AXES)
+_LEFT_OUT = ("run", "kind", "events", "event_kinds", *_AXES)
 """What is no variable: the run is an attribute, and all are equilibria."""
 
 Cell = tuple[int, ...]

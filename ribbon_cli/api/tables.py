@@ -51,7 +51,8 @@ def column_types(branches: bool) -> dict[str, tuple[str, bool]]:
     """Columns of a flat summary in the order of `ribbon ls --json`, each with its type and whether values may
     be absent; those of branches only if asked.
     """
-    marked = [(item.field, item) for item in STATE if item.summary]
+    own = {item.field: item for item in STATE if item.summary}
+    marked = [*own.items(), ("event_kinds", own["events"])]
     marked += [(f"branch_{item.field}", item) for item in BRANCH if item.summary and branches]
     rows = {name: (item.dtype if not item.dims else "utf-8", item.optional) for name, item in marked}
     return {"run": ("utf-8", False), **rows, "content_sha256": ("utf-8", False)}

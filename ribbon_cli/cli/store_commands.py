@@ -135,7 +135,11 @@ def show(settings: Settings, ref: str) -> None:
             "certified": certificate_in_words(document),
             "provenance": facts,
         }
-        emit_json(document) if settings.json else emit(listing({**document, **words}))
+        if settings.json:
+            emit_json(document)
+        else:  # of events people read the sentences
+            shown = {key: value for key, value in document.items() if key != "event_kinds"}
+            emit(listing({**shown, **words}))
         return
     document, branches = _show_run(settings, ref)
     if settings.json:
