@@ -144,10 +144,12 @@ $(READERS)/ready: tests/readers/package.json
 	@npm install --prefix tests/readers --no-package-lock --no-audit --no-fund --loglevel=error > /dev/null
 	@touch $@
 
-# pip compiles what it installs, but not a package that stays where it is: its commands would start later.
+# Compiled here: on all cores, and with the package itself, which stays where it is and which pip would leave
+# as it is, so that its commands would start later. What does not compile is no module that anyone imports.
 comma := ,
 define install
-$(PIP) install --editable $(1) && $(BIN)/python -m compileall -q ribbon_cli
+$(PIP) install --no-compile --editable $(1) && \
+	$(BIN)/python -m compileall -qq -j 0 $(VENV)/lib ribbon_cli > /dev/null || true
 endef
 
 # A virtual environment, unless a working one is there; the interpreter is checked before it is used.

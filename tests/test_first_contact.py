@@ -75,7 +75,7 @@ def test_three_pi_bands_meet_in_the_middle_on_two_levels(tmp_path: Path) -> None
     assert again.notes[0] == outcome.notes[0]
 
 
-@pytest.mark.slow
+@pytest.mark.large
 def test_the_pi_band_meets_itself_at_the_documented_widths(tmp_path: Path) -> None:
     """All four levels of docs/recipes.md; at N = 400 sliding costs next to nothing at b = 1.514."""
     config = load_config(ROOT / "configs" / "mobius-pi-contact.yaml")

@@ -125,12 +125,12 @@ with run.writing():
 """
 
 
-@pytest.mark.slow
-def test_nothing_committed_is_lost_in_kills_at_random_moments(tmp_path):
+@pytest.mark.parametrize("kills", [5, pytest.param(15, marks=pytest.mark.faults)])
+def test_nothing_committed_is_lost_in_kills_at_random_moments(tmp_path, kills):
     """Each writer is killed some moment after a number of its commits, however fast the machine is."""
     chance = random.Random(5)
     acknowledged = awaited = 0
-    for _ in range(15):
+    for _ in range(kills):
         child = start(COMMIT, str(tmp_path))
         commits = chance.randint(2, 6)
         awaited += commits
@@ -145,7 +145,7 @@ def test_nothing_committed_is_lost_in_kills_at_random_moments(tmp_path):
         labels = [state["label"] for state in run.states()]
         assert labels == list(range(1, len(labels) + 1))
         assert len(labels) >= acknowledged
-    assert acknowledged >= awaited > 30
+    assert acknowledged >= awaited > 2 * kills
     run.sweep()
     for label in run.entries():
         run.check_file(label)

@@ -292,7 +292,7 @@ def _read_file(file: h5py.File, name: str) -> bytes:
         node = node[part]
     if not isinstance(node, h5py.Dataset) or node.dtype != "u1" or len(node.shape or ()) != 1:
         raise ValueError(f"{where} does not hold bytes")
-    check_dataset(where, node, ("u1",))
+    check_dataset(where, node.id, ("u1",))
     if node.size > MAX_BYTES:
         raise ValueError(f"{where} is larger than any file of a run")
     return bytes(node[()].tobytes())
