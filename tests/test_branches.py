@@ -303,6 +303,6 @@ def test_a_branch_is_not_refined_and_does_not_mix_with_a_range():
 
 def test_shipped_configs_with_branches_are_valid():
     folder = Path(__file__).parents[1] / "configs"
-    found = [load_config(path) for path in sorted(folder.glob("everted-branch*.yaml"))]
+    found = [load_config(path) for path in sorted(folder.rglob("everted-branch*.yaml"))]
     assert found
     assert all(config.arclength is not None for config in found)

@@ -145,7 +145,7 @@ def test_table_3_1_is_what_the_command_prints(tmp_path: Path) -> None:
     config = replace(config, widths=(0.1, 0.2, 0.5), spectrum=SpectrumRequest(0, 0))
     config = replace(config, refinement=replace(config.refinement, at=(0.1, 0.5)))
     solve_config(config, tmp_path)
-    solve_config(load_config(ROOT / "configs" / "mobius-pi-second-minimum.yaml"), tmp_path)
+    solve_config(load_config(ROOT / "configs" / "paper" / "mobius-pi-second-minimum.yaml"), tmp_path)
     other = "mobius-pi-second-minimum@b=0.1,N=50"
     printed = ribbon(
         "--runs", tmp_path, "convergence-table", "mobius-pi", "--thesis", "--second-minimum", other

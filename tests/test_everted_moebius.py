@@ -22,7 +22,7 @@ from ribbon_cli.study import Outcome, solve_config
 from ribbon_cli.study.records import state_of
 from ribbon_cli.study.status import standing
 
-CONFIGS = Path(__file__).parents[1] / "configs"
+CONFIGS = Path(__file__).parents[1] / "configs" / "studies"
 CONFIG = """
 name: everted-moebius
 topology: {{half_twists: 1}}

@@ -21,7 +21,7 @@ ROOT = Path(__file__).parent.parent
 def test_every_item_has_its_configs():
     for item in ITEMS.values():
         for config in item.configs:
-            assert (ROOT / f"configs/paper/{config}.yaml").is_file()
+            assert (ROOT / f"configs/{config}.yaml").is_file()
     assert f"steps: {TWIST_STEPS // 3}}}" in (ROOT / "configs/paper/three-pi-twisted.yaml").read_text()
 
 

@@ -52,7 +52,7 @@ def test_the_thesis_is_reproduced(table: Outcome) -> None:
 
 
 def test_the_other_minimum_explains_the_first_entry(table: Outcome, root: Path) -> None:
-    other = solve_config(load_config(CONFIGS / "mobius-pi-second-minimum.yaml"), root)
+    other = solve_config(load_config(CONFIGS / "paper" / "mobius-pi-second-minimum.yaml"), root)
     assert other.exit_code == 0
     (state,) = other.run.states()
     assert state["energy"] == pytest.approx(0.972161015, abs=5e-9)

@@ -20,7 +20,7 @@ def main() -> int:
     """Parse the command line, make what it names, and return the exit code."""
     parser = argparse.ArgumentParser(prog="python -m ribbon_cli.paper", description=__doc__)
     parser.add_argument("names", nargs="*", metavar="NAME", help="figure-3.8, table-3.1, ...; default: all")
-    parser.add_argument("--configs", type=Path, default=Path("configs/paper"), help="folder of the configs")
+    parser.add_argument("--configs", type=Path, default=Path("configs"), help="folder of the configs")
     parser.add_argument("--runs", help="folder of the runs; else RIBBON_RUNS, else ./runs")
     parser.add_argument(
         "--to", type=Path, help="folder of the figures; default: paper in the folder of the runs"

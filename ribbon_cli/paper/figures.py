@@ -31,20 +31,20 @@ if TYPE_CHECKING:
 
 STYLE = STYLES["paper"]
 PI, THREE, EVERTED, EVERSION, TABLE, SECOND, TWISTED, FINER = (
-    "pi",
-    "three-pi",
-    "everted",
-    "eversion",
-    "table",
-    "second-minimum",
-    "three-pi-twisted",
-    "everted-finer",
+    "paper/pi",
+    "paper/three-pi",
+    "paper/everted",
+    "paper/eversion",
+    "mobius-pi",
+    "paper/mobius-pi-second-minimum",
+    "paper/three-pi-twisted",
+    "paper/everted-finer",
 )
 SPECTRA = {
     "a": ("ring", 0.3, "cylinder, $b$ = 0.3, rule thesis"),
-    "b": ("spectra-pi", 0.5, "π-twisted band, $b$ = 0.5, rule thesis"),
-    "c": ("ring-value-average", 0.3, "cylinder, rule value-average"),
-    "d": ("spectra-pi-value-average", 0.5, "π-twisted band, rule value-average"),
+    "b": ("paper/mobius-pi-coarse", 0.5, "π-twisted band, $b$ = 0.5, rule thesis"),
+    "c": ("paper/ring-value-average", 0.3, "cylinder, rule value-average"),
+    "d": ("paper/mobius-pi-coarse-value-average", 0.5, "π-twisted band, rule value-average"),
 }
 """Panels of Figure 3.14, and the same under the rule without a null direction: config, b, title."""
 COARSE = (20, 40, 80, 160)

@@ -13,9 +13,9 @@ if TYPE_CHECKING:
 
 
 class Library:
-    """Runs of the configs in a folder, by the configs' names; each is solved once, when first asked for.
+    """Runs of the configs in a folder, by the configs' paths in it without suffix; each is solved once.
 
-    `configs` is the folder of the configs, `runs` that of the runs. What a run did not reach is missing in
+    `configs` is the folder of the configs, `runs` that of the runs; a run is solved when first asked for. What a run did not reach is missing in
     it; the figures say whether they need it.
     """
 

@@ -53,7 +53,7 @@ def paper_page(
         if found.checks:
             body.append(_checks([("", check) for check in found.checks]))
         for config in item.configs:
-            body += [paragraph(f"configs/paper/{config}.yaml", "note"), preformatted(configs[config])]
+            body += [paragraph(f"configs/{config}.yaml", "note"), preformatted(configs[config])]
     return page(TITLE, body)
 
 
