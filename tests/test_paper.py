@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from picture_support import solved, states_of  # noqa: F401
 
+from paper import claims
+from paper.figures import ITEMS, TWIST_STEPS
+from paper.overturn import follow
 from ribbon_cli import solve
 from ribbon_cli.config import parse_config
-from ribbon_cli.paper import claims
-from ribbon_cli.paper.figures import ITEMS, TWIST_STEPS
-from ribbon_cli.paper.overturn import follow
 from ribbon_cli.store import Run
 
 ROOT = Path(__file__).parent.parent

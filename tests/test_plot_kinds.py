@@ -12,15 +12,15 @@ import pytest
 from cli_support import ribbon, ribbon_json
 from matplotlib.figure import Figure
 from picture_support import run_named, solved, states_of  # noqa: F401
+from ribbon_cli.paper import claims
+from ribbon_cli.paper.figures import ITEMS
+from ribbon_cli.paper.make import make
 
 from ribbon_cli.cli.export_command import EXPORT_FORMATS
 from ribbon_cli.cli.plot_command import PLOT_KINDS
 from ribbon_cli.config import load_config
 from ribbon_cli.errors import UsageError
 from ribbon_cli.export.formats import FORMATS
-from ribbon_cli.paper import claims
-from ribbon_cli.paper.figures import ITEMS
-from ribbon_cli.paper.make import make
 from ribbon_cli.plot.branches import _tame
 from ribbon_cli.plot.curves import geometry_figure
 from ribbon_cli.plot.figure import add_caption, state_caption

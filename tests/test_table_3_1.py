@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from ribbon_cli.config import SpectrumRequest, load_config
-from ribbon_cli.report.convergence import compare_with_thesis, convergence_rows, thesis_table
+from paper.table import compare_with_thesis, thesis_table
+from ribbon_cli.report.convergence import convergence_rows
 from ribbon_cli.study import Outcome, refine_state, solve_config, table_entries
 
 CONFIGS = Path(__file__).parent.parent / "configs"

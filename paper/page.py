@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 from ribbon_cli.pages.html import heading, page, paragraph, picture, preformatted, table
 
 if TYPE_CHECKING:
-    from ribbon_cli.paper.claims import Check
-    from ribbon_cli.paper.figures import Item, Made
+    from paper.claims import Check
+    from paper.figures import Item, Made
 
 TITLE = "Chapter 3 of Koldaev (2022), made anew"
 
