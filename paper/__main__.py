@@ -1,4 +1,4 @@
-"""`python -m paper [NAME ...]`: figures, tables and studies by name; without names all figures, and the page."""
+"""`python -m paper [NAME ...]`: figures, tables, studies by name; without names all figures and the page."""
 
 from __future__ import annotations
 
@@ -27,9 +27,7 @@ def main(words: list[str] | None = None) -> int:
     """Parse the command line, make what it names, and return the exit code."""
     parser = argparse.ArgumentParser(prog="python -m paper", description=__doc__)
     kinds = f"figure-3.8, table-3.1, {', '.join(STUDIES)}, or one config of a study as {next(iter(MEMBERS))}"
-    parser.add_argument(
-        "names", nargs="*", metavar="NAME", help=f"{kinds}; default: all figures"
-    )
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"{kinds}; default: all figures")
     parser.add_argument("--configs", type=Path, default=CONFIGS, help="folder of the configs")
     parser.add_argument("--runs", help="folder of the runs; else RIBBON_RUNS, else ./runs")
     parser.add_argument(

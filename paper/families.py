@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +9,7 @@ import yaml
 
 from ribbon_cli.config import Config, parse_config
 
-Changes = Mapping[str, Any]
+Changes = dict[str, Any]
 """Keys of a config with their values in place of the base's."""
 FOLDER = "studies"
 """Where the bases' data are: members name them as if they lay there."""

@@ -159,9 +159,7 @@ def test_the_documents_configs_are_those_of_the_repository() -> None:
     shown = re.findall(r"^```yaml\n# (\S+)\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
     assert [name for name, _ in shown] == ["continuum-pi.yaml", "continuum-ring.yaml"]
     for name, text in shown:
-        assert yaml.safe_load(text) == yaml.safe_load(
-            (configs / name).read_text(encoding="utf-8")
-        )
+        assert yaml.safe_load(text) == yaml.safe_load((configs / name).read_text(encoding="utf-8"))
 
 
 def test_auxiliary_states_and_coarse_ones_are_refused(runs: Path) -> None:

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from ribbon_cli.config import SpectrumRequest, load_config
 from paper.table import compare_with_thesis, thesis_table
+from ribbon_cli.config import SpectrumRequest, load_config
 from ribbon_cli.report.convergence import convergence_rows
 from ribbon_cli.study import Outcome, refine_state, solve_config, table_entries
 

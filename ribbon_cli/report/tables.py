@@ -85,7 +85,7 @@ def as_latex(table: Table, beside: Beside = NOTHING) -> str:
         r"$\Delta_N/\Delta_{2N}$",
         r"$\log_2(\Delta_N/\Delta_{2N})$",
     ]
-    heads += [*beside.heads, "note"]
+    heads += [*map(_latex, beside.heads), "note"]
     lines = [
         rf"\begin{{tabular}}{{{'r' * (len(heads) - 1)}l}}",
         r"\hline",
