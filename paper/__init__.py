@@ -1,5 +1,5 @@
-"""The figures and tables of chapter 3 of Koldaev (2022), made anew, with every claim checked.
+"""Chapter 3 of Koldaev (2022) made anew, with every claim checked, and the studies of everted bands.
 
-`make paper` makes all of them, `make figure-3.8` one. What is drawn and said of each is in `figures`, what is
-checked in `claims`.
+`make paper` makes all figures and the table, `make figure-3.8` one. What is drawn and said of each is in
+`figures`, what is checked in `claims`, the published numbers in `table`, the studies' configs in `families`.
 """
