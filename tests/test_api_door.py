@@ -163,6 +163,13 @@ def test_a_library_that_is_not_installed_is_named(library, stored, monkeypatch):
     assert stored.at(b=1.0, N=10).energy == 1.0
 
 
+def test_a_convergence_table_is_that_of_the_command(solved):  # noqa: F811
+    table = ribbon_cli.open("mobius", runs=solved).convergence()
+    document = ribbon_json("convergence-table", "mobius", "--runs", solved)
+    assert [dataclasses.asdict(row) for row in table.rows] == document["rows"]
+    assert [dataclasses.asdict(item) for item in table.extrapolations] == document["extrapolation"]
+
+
 # --- grids ---
 
 

@@ -75,14 +75,14 @@ def tiny_table():
     ],
 )
 def test_tables_of_small_energies_keep_their_digits(tiny_table, form, written):
-    text = RENDERERS[form](tiny_table, ())
+    text = RENDERERS[form](tiny_table)
     assert written in text
     assert "0.00000894" not in text
     assert "0.000008" not in text
 
 
 def test_latex_has_no_exponent_of_programs(tiny_table):
-    text = RENDERERS["latex"](tiny_table, ())
+    text = RENDERERS["latex"](tiny_table)
     assert "e-0" not in text
     assert r"\times 10^{-6}$" in text.partition(r"\end{tabular}")[2]  # in the sentences, too
 

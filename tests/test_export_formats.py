@@ -201,7 +201,6 @@ def test_pandas_reads_every_csv_without_being_told_anything(solved, tmp_path):  
     for name, words in {
         "state": ("export", "mobius@b=0.2,N=24", "--to", "csv"),
         "convergence": ("convergence-table", "mobius", "--format", "csv"),
-        "thesis": ("convergence-table", "mobius", "--thesis", "--format", "csv"),
         "spectrum": ("spectrum", "mobius@b=0.2,N=24", "--format", "csv"),
         "spectra": ("spectrum", "mobius", "--full", "--format", "csv"),
         "orders": ("spectrum", "mobius", "--convergence", "--format", "csv"),

@@ -16,7 +16,7 @@ from ribbon_cli.solver.kinship import another_minimum
 from ribbon_cli.solver.newton import Options, solve
 from ribbon_cli.study import refine_state, solve_config, table_entries
 
-SECOND = Path(__file__).parent.parent / "configs" / "data" / "pi-b0.1-N50-second-minimum.npz"
+SECOND = Path(__file__).parent.parent / "configs" / "paper" / "data" / "pi-b0.1-N50-second-minimum.npz"
 BOTH = f"""
 name: both
 topology: {{half_twists: 1}}

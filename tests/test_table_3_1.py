@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from paper.table import compare_with_thesis, thesis_table
 from ribbon_cli.config import SpectrumRequest, load_config
-from ribbon_cli.report.convergence import compare_with_thesis, convergence_rows, thesis_table
+from ribbon_cli.report.convergence import convergence_rows
 from ribbon_cli.study import Outcome, refine_state, solve_config, table_entries
 
 CONFIGS = Path(__file__).parent.parent / "configs"
@@ -52,7 +53,7 @@ def test_the_thesis_is_reproduced(table: Outcome) -> None:
 
 
 def test_the_other_minimum_explains_the_first_entry(table: Outcome, root: Path) -> None:
-    other = solve_config(load_config(CONFIGS / "mobius-pi-second-minimum.yaml"), root)
+    other = solve_config(load_config(CONFIGS / "paper" / "mobius-pi-second-minimum.yaml"), root)
     assert other.exit_code == 0
     (state,) = other.run.states()
     assert state["energy"] == pytest.approx(0.972161015, abs=5e-9)

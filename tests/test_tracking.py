@@ -18,7 +18,7 @@ from ribbon_cli.solver.status import Status
 from ribbon_cli.solver.tracking import BranchPoint, agree
 from ribbon_cli.study import solve_config
 
-SECOND = Path(__file__).parent.parent / "configs" / "data" / "pi-b0.1-N50-second-minimum.npz"
+SECOND = Path(__file__).parent.parent / "configs" / "paper" / "data" / "pi-b0.1-N50-second-minimum.npz"
 CASES = {
     "free": FREE,
     "held": Prescription({0: unit(1), 3: unit(2)}),

@@ -4,10 +4,10 @@
 set -eu
 ribbon=$1
 to=docs/gallery
-for config in mobius-pi mobius-pi-contact mobius-3pi everted-cylinder-160 everted-cylinder-40 everted-branch-40 everted-moebius-a-160 \
-    everted-moebius-b-160 cylinder ring; do
+for config in mobius-pi mobius-pi-contact mobius-3pi everted-cylinder-160 everted-branch-40 cylinder ring; do
     "$ribbon" -q solve "configs/$config.yaml" > /dev/null
 done
+"$(dirname "$ribbon")/python" -m paper -q everted-cylinder-40 everted-moebius-a-160 everted-moebius-b-160 > /dev/null
 draw() {
     picture=$1
     shift

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
+from ribbon_cli import study
 from ribbon_cli.api import display
 from ribbon_cli.api.datasets import dataset
 from ribbon_cli.api.drawing import Named, figure_of
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from pandas import DataFrame
     from xarray import Dataset
+
+    from ribbon_cli.report.convergence import Table
 
 
 def open(run: str | os.PathLike[str] | Run, runs: str | os.PathLike[str] | None = None) -> OpenRun:
@@ -78,6 +81,13 @@ class OpenRun(Run):
         one, ImportError without xarray.
         """
         return dataset(self, grid, modes)
+
+    def convergence(self) -> Table:
+        """Energies under refinement as in `ribbon convergence-table`: rows, and an extrapolation for each b.
+
+        Raises StoreError for a damaged log.
+        """
+        return study.run_table(self)
 
     def at(self, b: float | None = None, N: int | None = None) -> OpenState:
         """The equilibrium that RUN@b=...,N=... names in a command; either part may be left out.

@@ -137,7 +137,7 @@ def _pictures(run: Run) -> list[str]:
 
 def _convergence(run: Run) -> list[str]:
     """The table, and its picture where there are two levels."""
-    out = [preformatted(RENDERERS["text"](run_table(run), ()))]
+    out = [preformatted(RENDERERS["text"](run_table(run)))]
     try:
         out.append(_picture(run, "convergence", ()))
     except UsageError:

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 from ribbon_cli.pages.html import heading, page, paragraph, picture, preformatted, table
 
 if TYPE_CHECKING:
-    from ribbon_cli.paper.claims import Check
-    from ribbon_cli.paper.figures import Item, Made
+    from paper.claims import Check
+    from paper.figures import Item, Made
 
 TITLE = "Chapter 3 of Koldaev (2022), made anew"
 
@@ -53,7 +53,7 @@ def paper_page(
         if found.checks:
             body.append(_checks([("", check) for check in found.checks]))
         for config in item.configs:
-            body += [paragraph(f"configs/paper/{config}.yaml", "note"), preformatted(configs[config])]
+            body += [paragraph(f"configs/{config}.yaml", "note"), preformatted(configs[config])]
     return page(TITLE, body)
 
 

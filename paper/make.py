@@ -7,34 +7,28 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ribbon_cli.errors import StoreError, UsageError
-from ribbon_cli.paper.figures import ITEMS, STYLE
-from ribbon_cli.paper.library import Library
-from ribbon_cli.paper.page import paper_page
+from paper.figures import ITEMS, STYLE
+from paper.library import Library
+from paper.page import paper_page
+from ribbon_cli.errors import StoreError
 from ribbon_cli.plot.figure import image
 from ribbon_cli.plot.style import styled
-from ribbon_cli.store import suggest, write_atomic
+from ribbon_cli.store import write_atomic
 
 if TYPE_CHECKING:
-    from ribbon_cli.paper.figures import Made
+    from paper.figures import Made
 
 
-def make(
-    names: Sequence[str], configs: Path, runs: Path, to: Path, say: Callable[[str], None]
-) -> dict[str, Made]:
+def make(names: Sequence[str], library: Library, to: Path, say: Callable[[str], None]) -> dict[str, Made]:
     """Make figures and tables by name, all and the page `index.html` for none, into the folder `to`.
 
-    `say` is told of each file and each claim that does not hold. Raises UsageError for an unknown name,
+    `say` is told of each file and each claim that does not hold. Raises KeyError for an unknown name,
     ConfigError and StoreError as solving does.
     """
-    for name in names:
-        if name not in ITEMS:
-            raise UsageError(f"no figure {name!r} (known: {', '.join(ITEMS)}){suggest(name, ITEMS)}")
     try:
         os.makedirs(to, exist_ok=True)
     except OSError as error:
         raise StoreError(f"{to}: cannot be made: {error.strerror}") from error
-    library = Library(configs, runs)
     made: dict[str, Made] = {}
     images: dict[str, bytes] = {}
     for name in names or ITEMS:

@@ -6,22 +6,24 @@ whole.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from paper import claims
+from paper.claims import Check
+from paper.library import Library
+from paper.overturn import follow
+from paper.table import compare_with_thesis, texts, thesis_table
 from ribbon_cli.digits import fixed
 from ribbon_cli.export.fields import inflections
-from ribbon_cli.paper import claims
-from ribbon_cli.paper.claims import Check
-from ribbon_cli.paper.library import Library
-from ribbon_cli.paper.overturn import follow
 from ribbon_cli.plot.curves import geometry_figure, multipliers_figure
 from ribbon_cli.plot.levels import draw_spectra, spectrum_of
 from ribbon_cli.plot.pictures import Panel, shapes_figure
 from ribbon_cli.plot.style import STYLES
+from ribbon_cli.report.convergence import Entry
 from ribbon_cli.study import multiplier_curves
 
 if TYPE_CHECKING:
@@ -31,37 +33,38 @@ if TYPE_CHECKING:
 
 STYLE = STYLES["paper"]
 PI, THREE, EVERTED, EVERSION, TABLE, SECOND, TWISTED, FINER = (
-    "pi",
-    "three-pi",
-    "everted",
-    "eversion",
-    "table",
-    "second-minimum",
-    "three-pi-twisted",
-    "everted-finer",
+    "paper/pi",
+    "paper/three-pi",
+    "paper/everted",
+    "paper/eversion",
+    "mobius-pi",
+    "paper/mobius-pi-second-minimum",
+    "paper/three-pi-twisted",
+    "paper/everted-finer",
 )
 SPECTRA = {
     "a": ("ring", 0.3, "cylinder, $b$ = 0.3, rule thesis"),
-    "b": ("spectra-pi", 0.5, "π-twisted band, $b$ = 0.5, rule thesis"),
-    "c": ("ring-value-average", 0.3, "cylinder, rule value-average"),
-    "d": ("spectra-pi-value-average", 0.5, "π-twisted band, rule value-average"),
+    "b": ("paper/mobius-pi-coarse", 0.5, "π-twisted band, $b$ = 0.5, rule thesis"),
+    "c": ("paper/ring-value-average", 0.3, "cylinder, rule value-average"),
+    "d": ("paper/mobius-pi-coarse-value-average", 0.5, "π-twisted band, rule value-average"),
 }
 """Panels of Figure 3.14, and the same under the rule without a null direction: config, b, title."""
 COARSE = (20, 40, 80, 160)
 TWIST_STEPS = 75
 """Steps of the twist by 3 pi in its config; half a turn is a third of them."""
-TABLE_FILES = {"txt": "text", "tex": "latex", "csv": "csv"}
-"""Files of a table by suffix."""
 
 
 @dataclass(frozen=True)
 class Made:
-    """A figure's pictures by panel, the references of its states, its checks, and texts by suffix of file."""
+    """A figure's pictures by panel, the references of its states, its checks, texts by suffix of file, and
+    what its runs were to reach and did not.
+    """
 
     pictures: dict[str, Figure]
     sources: tuple[str, ...]
     checks: tuple[Check, ...] = ()
     texts: dict[str, str] = field(default_factory=dict)
+    failures: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -368,7 +371,7 @@ def _euclidean(states: Sequence[StateRecord]) -> list[tuple[int, np.ndarray]]:
     return [(n, claims.eigenvalues(found)) for n, found in spectra if found is not None]
 
 
-def _spectra(found: dict[str, list[StateRecord]], metric: str) -> Figure:
+def _spectra(found: Mapping[str, Sequence[StateRecord]], metric: str) -> Figure:
     """Panels of Figure 3.14 by letter, in rows of two at one scale, in a metric."""
     from matplotlib.figure import Figure
 
@@ -385,14 +388,10 @@ def _spectra(found: dict[str, list[StateRecord]], metric: str) -> Figure:
 
 
 def _table_3_1(library: Library) -> Made:
-    from ribbon_cli.report.convergence import Entry, compare_with_thesis, convergence_rows, thesis_table
-    from ribbon_cli.report.tables import RENDERERS
-    from ribbon_cli.study import table_entries
-
-    run = library.run(TABLE)
     other = library.state(SECOND, 0.1, 50)
     second = Entry(other.half_width, other.segments, other.energy, other.certified, other.label)
-    table = convergence_rows(table_entries(run))
+    run = library.run(TABLE)
+    table = run.convergence()
     comparison = compare_with_thesis(table, thesis_table(), second)
     checks = tuple(
         Check(
@@ -413,8 +412,9 @@ def _table_3_1(library: Library) -> Made:
         "of three meshes each: no proof of an order. Those above 2.5 are not settled",
     )
     checks = (order, *checks)
-    texts = {suffix: RENDERERS[form](table, comparison) for suffix, form in TABLE_FILES.items()}
-    return Made({}, (run.name, library.reference(SECOND, other)), checks, texts)
+    sources = (run.name, library.reference(SECOND, other))
+    failures = (*library.failures(SECOND), *library.failures(TABLE))
+    return Made({}, sources, checks, texts(table, comparison), failures)
 
 
 ITEMS: dict[str, Item] = {
