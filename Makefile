@@ -131,7 +131,7 @@ $(READERS)/ready: tests/readers/package.json
 comma := ,
 define install
 $(PIP) install --no-compile --editable $(1) && \
-	$(BIN)/python -m compileall -qq -j 0 $(VENV)/lib ribbon_cli > /dev/null || true
+	{ $(BIN)/python -m compileall -qq -j 0 $(VENV)/lib ribbon_cli > /dev/null || true; }
 endef
 
 # A virtual environment, unless a working one is there; the interpreter is checked before it is used.
