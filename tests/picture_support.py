@@ -30,4 +30,4 @@ def run_named(root: Path, name: str) -> Run:
 
 def states_of(root: Path, name: str, kind: str = "equilibrium") -> list[StateRecord]:
     run = run_named(root, name)
-    return [run.load(s["label"]) for s in run.states(all=True) if s["kind"] == kind]
+    return [run.load(s.label) for s in run.states(all=True) if s.kind == kind]

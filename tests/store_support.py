@@ -114,4 +114,4 @@ def reseal(path: Path, version: str = "1.1", **changes: Any) -> None:
 
 def read_log(path: Path) -> list[dict[str, Any]]:
     """A log's entries in order."""
-    return LogReader(path).entries()
+    return [event.document for event in LogReader(path).events()]

@@ -171,11 +171,11 @@ def test_a_grid_has_the_runs_energies(solved):  # noqa: F811
     grid = run.to_xarray()
     assert grid.energy.dims == ("half_width", "segments")
     for state in run.states():
-        cell = grid.sel(half_width=state["half_width"], segments=state["segments"])
-        assert float(cell.energy) == state["energy"]
-        assert int(cell.label) == state["label"]
-        assert str(cell.content_sha256.item()) == state["content_sha256"]
-        record = run.load(state["label"])
+        cell = grid.sel(half_width=state.half_width, segments=state.segments)
+        assert float(cell.energy) == state.energy
+        assert int(cell.label) == state.label
+        assert str(cell.content_sha256.item()) == state.content_sha256
+        record = run.load(state.label)
         for spectrum in record.spectra:
             values = cell.eigenvalue.sel(metric=spectrum.metric).to_numpy()
             assert np.array_equal(values, spectrum.values[: values.size])

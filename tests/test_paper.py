@@ -61,7 +61,7 @@ def test_a_twist_by_three_half_turns_ends_as_minus_one(tmp_path):
     with np.errstate(all="raise", under="ignore"):
         outcome = solve(parse_config(text, "test"), runs=tmp_path)
         run = Run.open(outcome.run.path)
-        (label,) = [s["label"] for s in run.states(all=True) if s["stage"] == "twist 15/15"]
+        (label,) = [s.label for s in run.states(all=True) if s.stage == "twist 15/15"]
         end = follow(run.load(label), 16, 3, 45)
     assert end.last == 45
     assert end.turned_over == 16

@@ -188,7 +188,7 @@ def test_widths_that_are_left_out_are_counted(solved, monkeypatch):  # noqa: F81
     monkeypatch.setattr("ribbon_cli.plot.kinds.MOST_SHAPES", 1 + 1)
     run = run_named(solved, "mobius")
     states = run.states()
-    more = [state | {"half_width": state["half_width"] + 0.05} for state in states]
+    more = [state | {"half_width": state.half_width + 0.05} for state in states]
     source = Source(run, (), pytest.fail, pytest.fail)
     for kind in ("geometry", "family"):
         assert "of 2" not in draw(kind, source, STYLE).title
@@ -200,7 +200,7 @@ def test_widths_that_are_left_out_are_counted(solved, monkeypatch):  # noqa: F81
 def test_states_of_other_branches_at_the_same_width_are_counted(solved, monkeypatch):  # noqa: F811
     run = run_named(solved, "mobius")
     states = run.states()
-    again = [state | {"label": 1, "certified": False} for state in states if state["half_width"] == 0.2]
+    again = [state | {"label": 1, "certified": False} for state in states if state.half_width == 0.2]
     source = Source(run, (), pytest.fail, pytest.fail, segments=48)
     assert draw("branch", source, STYLE).title == "Branch in the width"
     monkeypatch.setattr(type(run), "states", lambda self, all=False: [*states, *again])

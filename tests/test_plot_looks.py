@@ -249,7 +249,7 @@ def test_a_branch_beside_another_runs_names_both(solved, tmp_path):  # noqa: F81
     (axes,) = figure.axes
     drawn = {tuple(line.get_ydata()) for line in axes.get_lines()}
     for run, n in ((mobius, 48), (ring, 24)):
-        assert tuple(s["energy"] for s in run.states() if s["segments"] == n) in drawn
+        assert tuple(s.energy for s in run.states() if s.segments == n) in drawn
     assert_told_apart(figure, grey=True)
 
 

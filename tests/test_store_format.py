@@ -19,11 +19,11 @@ from ribbon_cli.store import (
     BranchRecord,
     SpectrumRecord,
     StateRecord,
+    Summary,
     content_sha256,
     decode,
     encode,
     layout_markdown,
-    summary,
     write_atomic,
 )
 from ribbon_cli.store.hdf5 import decode_bytes
@@ -220,7 +220,7 @@ def test_unknown_metric_is_refused():
 
 
 def test_summary_has_the_promised_fields_and_is_json():
-    state = summary(make_record(clearance=math.nan, negative_eigenvalues=None), run="mobius-0123abcd")
+    state = Summary.of(make_record(clearance=math.nan, negative_eigenvalues=None)).listed("mobius-0123abcd")
     promised = """half_width segments length topology energy status kkt_residual constraint_residual
         negative_eigenvalues linking_number twist writhe self_contact label run kind discretisation
         content_sha256 certified message stage parent method newton_steps inverted_facets smallest_facet
@@ -267,8 +267,8 @@ def test_a_point_of_a_branch_survives_the_file():
         for field in fields(BranchRecord):
             np.testing.assert_array_equal(getattr(back.branch, field.name), getattr(branch, field.name))
         assert content_sha256(back) == content_sha256(record) != content_sha256(plain)
-        assert summary(back)["branch"]["type"] == branch.type
+        assert Summary.of(back).branch.type == branch.type
     assert decode_bytes(encode(plain), "memory").branch is None
-    assert "branch" not in summary(plain)
+    assert "branch" not in Summary.of(plain).to_dict()
     with pytest.raises(ValueError, match="type must be one of"):
         replace(step, type="bend")

@@ -46,12 +46,12 @@ class Library:
     def last(self, config: str) -> StateRecord:
         """The equilibrium or saddle that a config's run stored last."""
         run = self.run(config)
-        return run.load([s["label"] for s in run.states(all=True) if s["kind"] != "auxiliary"][-1])
+        return run.load([s.label for s in run.states(all=True) if s.kind != "auxiliary"][-1])
 
     def stage(self, config: str, stage: str) -> StateRecord:
         """The state that a stage of a config's run stored last. Raises RibbonError where there is none."""
         run = self.run(config)
-        labels = [label for label, entry in run.entries().items() if entry["state"]["stage"] == stage]
+        labels = [label for label, entry in run.entries().items() if entry.state.stage == stage]
         if not labels:
             raise RibbonError(f"{run.name} has no state of the stage {stage!r}")
         return run.load(labels[-1])
