@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import re
 import subprocess
@@ -17,6 +18,7 @@ from store_support import make_record, make_spectrum
 
 from ribbon_cli.store import (
     BranchRecord,
+    BranchSummary,
     SpectrumRecord,
     StateRecord,
     Summary,
@@ -231,6 +233,24 @@ def test_summary_has_the_promised_fields_and_is_json():
     assert state["negative_eigenvalues"] is None
     assert state["events"] == ["grid phase", "step halved"]
     assert state["run"] == "mobius-0123abcd"
+
+
+def test_summaries_have_the_fields_that_the_layout_marks():
+    marked = [item.field for item in STATE if item.summary]
+    assert [field.name for field in fields(Summary)] == [*marked, "branch", "content_sha256"]
+    on_branch = [item.field for item in BRANCH if item.summary]
+    assert [field.name for field in fields(BranchSummary)] == on_branch
+
+
+def test_a_summary_is_read_back_and_what_a_newer_version_added_is_passed_over():
+    state = Summary.of(make_record(clearance=math.nan, negative_eigenvalues=None))
+    document = json.loads(json.dumps(state.to_dict()))
+    assert Summary.read(document) == state
+    assert state.agrees(document | {"later": [1.5]})
+    assert Summary.read(document | {"later": [1.5], "to_dict": 1}).to_dict() == document
+    for key in document:
+        with pytest.raises(ValueError, match=r"of another type|no state with a label"):
+            Summary.read({name: value for name, value in document.items() if name != key})
 
 
 def test_importing_the_store_is_light():

@@ -42,7 +42,7 @@ def test_commit_load_and_list(tmp_path):
     ]
     with run.writing():
         for record in records:
-            assert run.commit(record) == record.label
+            assert run.commit(record) == Summary.of(record)
     assert [state.label for state in run.states()] == [2, 4]
     assert run.states(all=True) == [Summary.of(record) for record in records]
     assert relative_files(run.path / "states") == {"0001.h5", "0002.h5", "0003.h5", "0004.h5"}
@@ -347,9 +347,10 @@ def test_a_log_put_in_the_place_of_another_is_read_anew(tmp_path):
     assert list(reader.entries()) == [1]
     before = os.stat(first.log_path).st_ino
     with open(first.log_path, "r+b") as file:
-        file.write(b"".join(format_line(event.document) for event in [*reversed(other.events()), *other.events()]))
+        events = [*reversed(other.events()), *other.events()]
+        file.write(b"".join(format_line(event.document) for event in events))
     assert os.stat(first.log_path).st_ino == before
-    assert reader.events() == [*reversed(other.events()), *other.events()]
+    assert reader.events() == events
 
 
 def test_set_aside_keeps_the_old_run(tmp_path):

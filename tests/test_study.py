@@ -256,12 +256,8 @@ def test_contact_ends_a_schedule_if_asked_to(tmp_path: Path, monkeypatch: pytest
         "not reached: the band touches itself from b = 0.4: contact: stop ends the schedule"
     )
     facts = standing(stopped.run)
-    assert (facts.status, facts.counts.complete, facts.counts.done, facts.counts.waiting) == (
-        "complete",
-        True,
-        2,
-        0,
-    )
+    counts = facts.counts
+    assert (facts.status, counts.complete, counts.done, counts.waiting) == ("complete", True, 2, 0)
     recorded = solve_config(config(text.replace("HOW", "record")), tmp_path)
     assert [t.half_width for t in recorded.targets] == [0.3, 0.4, 0.5]
     assert [s.self_contact for s in recorded.run.states()] == [False, True, True]

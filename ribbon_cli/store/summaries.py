@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from operator import itemgetter
 from typing import Any
 
 from ribbon_cli.store.layout import BRANCH, STATE, Item
@@ -43,6 +44,7 @@ _KEYS = tuple(
     dict.fromkeys("topology" if item.field in _TOPOLOGY else item.field for item in STATE if item.summary)
 )
 """Keys of every state's document but the last, in their order."""
+_values = itemgetter(*(_TOPOLOGY[0] if key == "topology" else key for key in _KEYS))
 
 
 @dataclass(frozen=True)
@@ -145,7 +147,7 @@ class Summary:
         those of a point on a branch under `branch`, which other states lack.
         """
         known = vars(self)
-        document = {key: known.get(key) for key in _KEYS}
+        document = dict(zip(_KEYS, _values(known), strict=True))
         document["topology"] = {name: known[name] for name in _TOPOLOGY}
         document["events"] = list(self.events)
         if self.branch is not None:
