@@ -87,7 +87,8 @@ def test_ls_lists_the_equilibria_of_a_run(folder):
     assert "twist 1/2" in everything
     assert "saddle" in everything
     states = ribbon_json("ls", "mob")
-    assert states == Run.open("runs/mobius-0123abcd").states()
+    run = Run.open("runs/mobius-0123abcd")
+    assert states == [state.listed(run.name) for state in run.states()]
     assert states[1]["energy"] is None
     assert [state["label"] for state in ribbon_json("ls", "mob", "--all")] == [1, 2, 3, 4]
 

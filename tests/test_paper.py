@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from picture_support import solved, states_of  # noqa: F401
+from store_support import make_summary
 
 from ribbon_cli import solve
 from ribbon_cli.config import parse_config
@@ -47,7 +48,7 @@ def test_each_check_says_what_it_asks(solved):  # noqa: F811
 @pytest.mark.parametrize(("widths", "agrees"), [([1.52, 1.49], True), ([1.56, 1.58], False), ([], False)])
 def test_the_contact_is_held_to_the_printed_digits(widths, agrees):
     states = [
-        {"self_contact": True, "certified": True, "segments": n, "half_width": b}
+        make_summary(self_contact=True, segments=n, half_width=b)
         for n, b in zip((50, 100), widths, strict=False)
     ]
     assert claims.contact_width(states, "1.5").agrees is agrees

@@ -12,6 +12,7 @@ import pytest
 from cli_support import ribbon, ribbon_json
 from matplotlib.figure import Figure
 from picture_support import run_named, solved, states_of  # noqa: F401
+from store_support import make_summary
 
 from ribbon_cli.cli.export_command import EXPORT_FORMATS
 from ribbon_cli.cli.plot_command import PLOT_KINDS
@@ -291,9 +292,9 @@ def test_claims_about_a_ring(solved):  # noqa: F811
 
 
 def test_claims_about_contact():
-    touching = {"self_contact": True, "certified": True, "segments": 100, "half_width": 1.51}
-    apart = touching | {"self_contact": False, "half_width": 1.4}
-    finer = touching | {"segments": 200, "half_width": 1.512}
+    touching = make_summary(self_contact=True, segments=100, half_width=1.51)
+    apart = replace(touching, self_contact=False, half_width=1.4)
+    finer = replace(touching, segments=200, half_width=1.512)
     assert claims.contact_width([apart, touching, finer], "1.5").agrees
     assert not claims.contact_width([apart, touching, finer], "1.50").agrees
     assert not claims.contact_width([apart], "1.4").agrees
