@@ -41,8 +41,9 @@ def damage_in_words(run: Run, lost: Mapping[int, str]) -> list[str]:
 
 def flat(state: Summary, run: str) -> dict[str, Any]:
     """A summary of a run's state without groups: a branch's fields are `branch_name` and so on."""
-    branch = vars(state.branch) if state.branch else {}
-    return {"run": run, **vars(state), **{f"branch_{name}": value for name, value in branch.items()}}
+    row = {"run": run, **vars(state)}
+    branch = row.pop("branch")
+    return row | {f"branch_{name}": value for name, value in (vars(branch) if branch else {}).items()}
 
 
 def column_types(branches: bool) -> dict[str, tuple[str, bool]]:
