@@ -12,6 +12,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from ribbon_cli import digits
+from ribbon_cli.store.refs import same_width
 
 ORDER = 2
 """Theoretical order of the discrete energy, E_N = E + c2 h^2 + c4 h^4 + ... (Koldaev (2022), section 2.2)."""
@@ -38,9 +39,6 @@ FALL = 2.0**ORDER
 
 SOLVER_FLOOR = 1e-11
 """Relative size below which a difference of energies is the solver's tolerance and not the grid's doing."""
-
-SAME_WIDTH = 1e-9
-"""Relative difference up to which two half-widths are the same."""
 
 
 _UNCERTIFIED, _ELSEWHERE = "no certificate: ", " is not on the branch of "
@@ -127,7 +125,7 @@ def convergence_rows(entries: Iterable[Entry], length: float = 2 * math.pi) -> T
 def _groups(entries: Iterable[Entry]) -> list[tuple[float, dict[int, Entry]]]:
     groups: list[tuple[float, dict[int, Entry]]] = []
     for entry in entries:
-        known = (group for b, group in groups if math.isclose(b, entry.half_width, rel_tol=SAME_WIDTH))
+        known = (group for b, group in groups if same_width(b, entry.half_width))
         group = next(known, None)
         if group is None:
             group = {}
@@ -363,7 +361,7 @@ def _second_minimum_note(
 
 def is_at(place: Entry | Row | ComparisonRow, half_width: float, segments: int) -> bool:
     """Whether `place` speaks of this half-width (to a relative 1e-9) and this N."""
-    return place.segments == segments and math.isclose(place.half_width, half_width, rel_tol=SAME_WIDTH)
+    return place.segments == segments and same_width(place.half_width, half_width)
 
 
 def _find(table: Table, half_width: float, segments: int) -> Row | None:

@@ -18,6 +18,7 @@ from ..config import Arclength, Config, dump_resolved
 from ..errors import UsageError
 from ..store import Run, Summary, configs
 from ..store.folder import is_run
+from ..store.refs import same_width
 from .journal import run_or_read
 from .nearest import what_changed
 from .outcome import Course, Outcome, Target
@@ -197,9 +198,9 @@ class _Study:
         start = current
         for k, (b, visit) in enumerate(visits(self.config.widths or (start.half_width,))):
             ended = k > 0 and self.stopped is not None  # a later visit is none of the state that stands there
-            if self.stopped is None and not math.isclose(b, current.half_width, rel_tol=1e-9):
+            if self.stopped is None and not same_width(b, current.half_width):
                 current = self._reach(current, b, visit)
-            if ended or not math.isclose(b, current.half_width, rel_tol=1e-9):
+            if ended or not same_width(b, current.half_width):
                 self._missed(b, (start.segments, *refined_at(self.config, b)))
                 continue
             self.targets.append(_target(current))
@@ -262,7 +263,7 @@ class _Study:
         self.targets.append(replace(_target(start), kept=self._kept(start)))
         if self.stopped is not None:
             return
-        if math.isclose(start.half_width, request.to, rel_tol=1e-9):
+        if same_width(start.half_width, request.to):
             raise UsageError(f"widths.arclength.to: the start has b = {start.half_width:.12g} already")
         if self.config.contact == "stop" and "contact" not in request.stop_at:
             request = replace(request, stop_at=(*request.stop_at, "contact"))
