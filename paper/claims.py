@@ -8,10 +8,10 @@ asked for here are ours, and stand in `expected`.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from ribbon_cli.export.mesh import ODD_FIELDS
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from ribbon_cli.store import SpectrumRecord, StateRecord
+    from ribbon_cli.store import SpectrumRecord, StateRecord, Summary
 
     Array = NDArray[np.float64]
 
@@ -279,16 +279,16 @@ def certified_minima(records: Sequence[StateRecord]) -> Check:
     )
 
 
-def contact_width(states: Sequence[Mapping[str, Any]], printed: str, note: str = "") -> Check:
+def contact_width(states: Sequence[Summary], printed: str, note: str = "") -> Check:
     """Whether the first self-contact, the least certified width that touches on the finest N, is as printed.
 
     `states` are the summaries of a run, the bisection's states included; agreement is to the printed digits.
     """
     touching: dict[int, float] = {}
     for state in states:
-        if state["self_contact"] and state["certified"]:
-            known = touching.get(state["segments"], math.inf)
-            touching[state["segments"]] = min(known, state["half_width"])
+        if state.self_contact and state.certified:
+            known = touching.get(state.segments, math.inf)
+            touching[state.segments] = min(known, state.half_width)
     found = ", ".join(f"b = {touching[n]:.5f} (N = {n})" for n in sorted(touching)) or "no contact"
     digits = len(printed.partition(".")[2])
     agrees = bool(touching) and f"{touching[max(touching)]:.{digits}f}" == printed

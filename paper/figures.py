@@ -176,7 +176,7 @@ def _figure_3_5(library: Library) -> Made:
     state = _everted(library)
     wider = [library.state(EVERTED, b, 160) for b in (0.035, 0.04)]
     finer = library.run(FINER)
-    minima = [s["half_width"] for s in finer.states(all=True) if s["kind"] != "auxiliary" and s["certified"]]
+    minima = [s.half_width for s in finer.states(all=True) if s.kind != "auxiliary" and s.certified]
     same = library.state(FINER, 0.03, 320)
     checks = (
         claims.certified_minima([state]),

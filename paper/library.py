@@ -48,12 +48,12 @@ class Library:
     def last(self, config: str) -> ribbon.OpenState:
         """The equilibrium or saddle that a config's run stored last."""
         run = self.run(config)
-        return run.state([s["label"] for s in run.states(all=True) if s["kind"] != "auxiliary"][-1])
+        return run.state([s.label for s in run.states(all=True) if s.kind != "auxiliary"][-1])
 
     def stage(self, config: str, stage: str) -> ribbon.OpenState:
         """The state that a stage of a config's run stored last. Raises RibbonError where there is none."""
         run = self.run(config)
-        labels = [state["label"] for state in run.states(all=True) if state["stage"] == stage]
+        labels = [state.label for state in run.states(all=True) if state.stage == stage]
         if not labels:
             raise RibbonError(f"{run.name} has no state of the stage {stage!r}")
         return run.state(labels[-1])

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from ribbon_cli import digits
-from ribbon_cli.report.convergence import SAME_WIDTH, Entry, Row, Table
+from ribbon_cli.report.convergence import Entry, Row, Table
 from ribbon_cli.report.tables import MISSING, Beside, as_latex, as_text, csv_text, records
+from ribbon_cli.store.refs import same_width
 
 PUBLISHED = Path(__file__).parent / "data" / "table-3.1.csv"
 
@@ -101,7 +101,7 @@ def _second_minimum_note(
 
 def _is_at(place: Entry | Row | ComparisonRow, half_width: float, segments: int) -> bool:
     """Whether `place` speaks of this half-width (to a relative 1e-9) and this N."""
-    return place.segments == segments and math.isclose(place.half_width, half_width, rel_tol=SAME_WIDTH)
+    return place.segments == segments and same_width(place.half_width, half_width)
 
 
 def _find(table: Table, half_width: float, segments: int) -> Row | None:

@@ -37,4 +37,4 @@ def states_of(root: Path, name: str, kind: str = "equilibrium") -> list[StateRec
 def _loaded(path: Path, kind: str) -> tuple[StateRecord, ...]:
     """States of a run that no test changes, read once."""
     run = Run.open(path)
-    return tuple(run.load(s["label"]) for s in run.states(all=True) if s["kind"] == kind)
+    return tuple(run.load(s.label) for s in run.states(all=True) if s.kind == kind)

@@ -155,7 +155,7 @@ def test_repair_makes_verify_pass_and_a_solve_compute_again_what_was_lost(tmp_pa
     Path("ring.yaml").write_text(QUICK_RING)
     assert ribbon("solve", "ring.yaml", "-q").exit_code == 0
     (path,) = (tmp_path / "runs").iterdir()
-    before = {s["stage"]: s["energy"] for s in Run.open(path).states()}
+    before = {s.stage: s.energy for s in Run.open(path).states()}
     damaged = Run.open(path).state_path(3)
     damaged.write_bytes(damaged.read_bytes()[:-9])
     for words in (("solve", "ring.yaml", "-q"), ("show", "ring:3"), ("verify", "ring")):
@@ -166,7 +166,7 @@ def test_repair_makes_verify_pass_and_a_solve_compute_again_what_was_lost(tmp_pa
     assert ribbon("verify", "ring").exit_code == 0
     assert "nothing to repair" in ribbon("repair", "ring").stderr
     assert ribbon("solve", "ring.yaml", "-q").exit_code == 0
-    assert {s["stage"]: s["energy"] for s in Run.open(path).states()} == before
+    assert {s.stage: s.energy for s in Run.open(path).states()} == before
     assert ribbon("verify", "ring").exit_code == 0
 
 
@@ -455,7 +455,7 @@ def test_the_environment_changes_no_bytes(tmp_path, config):
         done = run("solve", "band.yaml", "-q", cwd=folder, **changes)
         assert done.returncode == 0, done.stderr
         (made,) = [Run.open(path) for path in (folder / "runs").iterdir()]
-        found.append([entry["state"]["content_sha256"] for entry in made.entries().values()])
+        found.append([entry.state.content_sha256 for entry in made.entries().values()])
     assert found[0] == found[1] == found[2]
 
 

@@ -62,7 +62,7 @@ initial_guess: {recipe: twist, segments: 50, half_width: 0.1, steps: 50}
 spectrum: {modes: 0, full_up_to: 0}
 """
     run = solve_config(parse_config(text, "main.yaml"), tmp_path).run
-    saddle = next(s["label"] for s in run.states(all=True) if s["kind"] == "saddle")
+    saddle = next(s.label for s in run.states(all=True) if s.kind == "saddle")
     made = refine_state(tmp_path, f"{run.name}:{saddle}", levels=1)
     assert made.targets[0].certified
     assert [entry.breaks for entry in table_entries(run)] == ["", ""]

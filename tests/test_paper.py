@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from picture_support import solved, states_of  # noqa: F401
+from store_support import make_summary
 
 from paper import claims
 from paper.__main__ import main
@@ -82,7 +84,7 @@ def test_each_check_says_what_it_asks(solved):  # noqa: F811
 @pytest.mark.parametrize(("widths", "agrees"), [([1.52, 1.49], True), ([1.56, 1.58], False), ([], False)])
 def test_the_contact_is_held_to_the_printed_digits(widths, agrees):
     states = [
-        {"self_contact": True, "certified": True, "segments": n, "half_width": b}
+        make_summary(self_contact=True, segments=n, half_width=b)
         for n, b in zip((50, 100), widths, strict=False)
     ]
     assert claims.contact_width(states, "1.5").agrees is agrees
@@ -96,7 +98,7 @@ def test_a_twist_by_three_half_turns_ends_as_minus_one(tmp_path):
     with np.errstate(all="raise", under="ignore"):
         outcome = solve(parse_config(text, "test"), runs=tmp_path)
         run = Run.open(outcome.run.path)
-        (label,) = [s["label"] for s in run.states(all=True) if s["stage"] == "twist 15/15"]
+        (label,) = [s.label for s in run.states(all=True) if s.stage == "twist 15/15"]
         end = follow(run.load(label), 16, 3, 45)
     assert end.last == 45
     assert end.turned_over == 16
@@ -125,9 +127,9 @@ def test_claims_about_a_ring(solved):  # noqa: F811
 
 
 def test_claims_about_contact():
-    touching = {"self_contact": True, "certified": True, "segments": 100, "half_width": 1.51}
-    apart = touching | {"self_contact": False, "half_width": 1.4}
-    finer = touching | {"segments": 200, "half_width": 1.512}
+    touching = make_summary(self_contact=True, segments=100, half_width=1.51)
+    apart = replace(touching, self_contact=False, half_width=1.4)
+    finer = replace(touching, segments=200, half_width=1.512)
     assert claims.contact_width([apart, touching, finer], "1.5").agrees
     assert not claims.contact_width([apart, touching, finer], "1.50").agrees
     assert not claims.contact_width([apart], "1.4").agrees

@@ -222,7 +222,7 @@ def test_a_report_needs_nothing_else(solved, tmp_path):  # noqa: F811
     run = run_named(solved, "mobius")
     assert run.name in text
     for state in run.states():
-        assert f'<td class="n">{state["energy"]:.9f}</td>' in text
+        assert f'<td class="n">{state.energy:.9f}</td>' in text
     assert text.count("data:image/png;base64,") >= 6
     assert "recipe: twist" in text
     assert "version_numpy" in text

@@ -6,8 +6,8 @@ Whether there is a certificate, and whether a band meets itself, is said whereve
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from ribbon_cli import digits
 from ribbon_cli.errors import RibbonError
@@ -20,6 +20,7 @@ from ribbon_cli.text import visible
 if TYPE_CHECKING:
     from ribbon_cli.api.run import OpenRun
     from ribbon_cli.api.state import OpenState
+    from ribbon_cli.store import Summary
 
 SHOWN = 12
 """Most states that a run's display lists."""
@@ -74,29 +75,29 @@ def run_html(run: OpenRun) -> str:
     return title + html.table(head, [_row(state) for state in states[-SHOWN:]]) + more
 
 
-def _row(state: Mapping[str, Any]) -> list[str | tuple[str, str]]:
+def _row(state: Summary) -> list[str | tuple[str, str]]:
     """The row of an equilibrium."""
-    energy, linking, certified = state["energy"], state["linking_number"], state["certified"]
+    energy, linking, certified = state.energy, state.linking_number, state.certified
     return [
-        (str(state["label"]), "n"),
-        (f"{state['half_width']:.10g}", "n"),
-        (str(state["segments"]), "n"),
+        (str(state.label), "n"),
+        (f"{state.half_width:.10g}", "n"),
+        (str(state.segments), "n"),
         ("-" if energy is None else digits.energy(energy), "n"),
-        str(state["status"]),
+        state.status,
         "-" if linking is None else _number(linking),
-        (MEETS_ITSELF, "no") if state["self_contact"] else "none",
+        (MEETS_ITSELF, "no") if state.self_contact else "none",
         ("certified", "yes") if certified else ("no certificate", "no"),
     ]
 
 
-def _counts(states: Sequence[Mapping[str, Any]], stored: int, lost: int) -> str:
+def _counts(states: Sequence[Summary], stored: int, lost: int) -> str:
     """How many states there are, of which kinds, and where."""
     if not states:
         return f"no equilibria, {stored} other states"
-    certified = sum(bool(state["certified"]) for state in states)
-    meeting = sum(bool(state["self_contact"]) for state in states)
-    widths = sorted({state["half_width"] for state in states})
-    meshes = sorted({state["segments"] for state in states})
+    certified = sum(state.certified for state in states)
+    meeting = sum(state.self_contact for state in states)
+    widths = sorted({state.half_width for state in states})
+    meshes = sorted({state.segments for state in states})
     words = [
         f"{certified} of {len(states)} equilibria certified",
         f"{meeting} in self-contact without forces" if meeting else "none in self-contact",

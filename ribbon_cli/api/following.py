@@ -117,7 +117,7 @@ class Followed:
                     (str(point.label), "n"),
                     point.type,
                     (f"{point.half_width:.10g}", "n"),
-                    (digits.energy(point.energy), "n"),
+                    ("-" if point.energy is None else digits.energy(point.energy), "n"),
                     point.status,
                     "-" if point.negative_eigenvalues is None else str(point.negative_eigenvalues),
                     (MEETS_ITSELF, "no") if point.self_contact else "none",

@@ -7,7 +7,7 @@ import os
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Self
 
 from ribbon_cli import study
 from ribbon_cli.api import display
@@ -19,8 +19,8 @@ from ribbon_cli.api.state import OpenState
 from ribbon_cli.api.tables import as_found, damage_in_words, frame
 from ribbon_cli.errors import RibbonWarning, UsageError
 from ribbon_cli.export.formats import Options
-from ribbon_cli.store import Run, find_run, names_state, runs_root
-from ribbon_cli.store.refs import choose
+from ribbon_cli.store import Run, Summary, find_run, names_state, runs_root
+from ribbon_cli.store.refs import select
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -54,8 +54,8 @@ class OpenRun(Run):
         """The same run."""
         return run if isinstance(run, cls) else cls(run.path)
 
-    def found(self, all: bool = False) -> tuple[list[dict[str, Any]], dict[int, str]]:
-        """Rows of `ribbon ls --json`, and a word on each state whose file is not what was committed.
+    def found(self, all: bool = False) -> tuple[list[Summary], dict[int, str]]:
+        """Summaries of the equilibria or of all states, and a word on each whose file is not as committed.
 
         Raises StoreError for a damaged log.
         """
@@ -70,7 +70,7 @@ class OpenRun(Run):
         states, lost = self.found(all)
         for line in damage_in_words(self, lost):
             warnings.warn(line, RibbonWarning, stacklevel=2)
-        return frame(states, "run.table()")
+        return frame(self, states, "run.table()")
 
     def to_xarray(self, grid: bool | None = None, modes: int = 12) -> Dataset:
         """The equilibria as a dataset: facts as variables over half-width and N, or over labels.
@@ -95,17 +95,13 @@ class OpenRun(Run):
         Of several it is the latest of the finest certified ones; `choice` of the state says which was taken.
         Warns where that has no certificate. Raises UsageError, which says what there is, StoreError.
         """
-        wanted: dict[str, float] = {}
-        if b is not None:
-            wanted["b"] = _real(b)
-        if N is not None:
-            wanted["N"] = operator.index(N)
-        if not wanted:
+        if b is None and N is None:
             raise UsageError("at() needs b, N or both")
-        found, choice = choose(self, wanted)
-        if not found["certified"]:
+        wanted = (None if b is None else _real(b), None if N is None else operator.index(N))
+        found, choice = select(self, *wanted)
+        if not found.certified:
             warnings.warn(f"{self.name}: {choice}", RibbonWarning, stacklevel=2)
-        return self.state(found["label"], choice)
+        return self.state(found.label, choice)
 
     def state(self, label: int, choice: str = "") -> OpenState:
         """The state with a label, of whatever kind. Raises UsageError, StoreError."""

@@ -159,7 +159,7 @@ def _states(name: str, run: Run, mark: str) -> Iterator[str]:
     if mark == ":":
         yield from (f"{name}:{label}" for label in run.entries())
         return
-    places = ((state["half_width"], state["segments"]) for state in run.states())
+    places = ((state.half_width, state.segments) for state in run.states())
     yield from (f"{name}@b={b:.10g},N={n}" for b, n in dict.fromkeys(places))
 
 

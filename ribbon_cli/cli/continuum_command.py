@@ -51,7 +51,7 @@ def _show_run(settings: Settings, ref: str) -> tuple[dict[str, Any], str, list[s
     if not found:
         raise UsageError(no_equilibria(run))
     tables = order_tables(found)
-    followed = {state["label"] for state in run.states() if state.get("branch")}
+    followed = {state.label for state in run.states() if state.branch is not None}
     failed = [
         f"{run.short_name}:{state.label}"
         for state in found

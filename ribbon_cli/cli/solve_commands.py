@@ -81,7 +81,7 @@ def report(settings: Settings, outcome: Outcome) -> int:
     from ribbon_cli.cli.render import branch_text, gathered, targets_table
     from ribbon_cli.store import typed
 
-    states = {state["label"]: state for state in outcome.run.states(all=True)}
+    states = {state.label: state for state in outcome.run.states(all=True)}
     if settings.json:
         targets = [asdict(target) for target in outcome.targets]
         labels = {target.label for target in outcome.targets}
@@ -91,7 +91,7 @@ def report(settings: Settings, outcome: Outcome) -> int:
             "exit_code": outcome.exit_code,
             "new_states": outcome.new_states,
             "targets": targets,
-            "states": [state for label, state in states.items() if label in labels],
+            "states": [state.listed(outcome.run.name) for label, state in states.items() if label in labels],
             "branches": [asdict(course) for course in outcome.branches],
             "notes": list(outcome.notes),
             "failures": list(outcome.failures),

@@ -15,6 +15,7 @@ from ribbon_cli.errors import StoreError, UsageError
 
 if TYPE_CHECKING:
     from ribbon_cli.store import Run, StateRecord
+    from ribbon_cli.store.events import Event
     from ribbon_cli.study import Course
 
 _WHOLE_CONFIGS = ("config_text", "config_resolved")
@@ -48,10 +49,10 @@ def ls(settings: Settings, run: str | None, everything: bool, status: str | None
         raise UsageError("--kind is of states: name a run as well")
     _known("status", status, RUN_STATUSES)
     runs = [standing(item) for item in list_runs(settings.root, aside=everything)]
-    damaged = [item["damage"] for item in runs if item["damage"]]
-    runs = [item for item in runs if status is None or item["status"] == status]
+    damaged = [item.damage for item in runs if item.damage]
+    runs = [item for item in runs if status is None or item.status == status]
     if settings.json:
-        emit_json(runs)
+        emit_json([item.to_dict() for item in runs])
     elif runs:
         emit(runs_table(runs))
     else:
@@ -76,10 +77,10 @@ def _list_states(settings: Settings, ref: str, everything: bool, status: str | N
     shown = [
         state
         for state in states
-        if (status is None or state["status"] == status) and (kind is None or state["kind"] == kind)
+        if (status is None or state.status == status) and (kind is None or state.kind == kind)
     ]
     if settings.json:
-        emit_json(shown)
+        emit_json([state.listed(run.name) for state in shown])
     elif shown:
         emit(states_table(shown, kinds=everything or kind is not None))
     else:
@@ -126,34 +127,33 @@ def show(settings: Settings, ref: str) -> None:
     )
     from ribbon_cli.store import names_state
 
-    words: dict[str, Any]
     if names_state(ref):
-        document = _show_state(settings, ref)
-        facts = {key: value for key, value in document["provenance"].items() if key not in _WHOLE_CONFIGS}
+        record, document = _show_state(settings, ref)
+        facts = {key: value for key, value in record.provenance.items() if key not in _WHOLE_CONFIGS}
         words = {
-            "status": status_in_words(document),
-            "certified": certificate_in_words(document),
+            "status": status_in_words(record),
+            "certified": certificate_in_words(record),
             "provenance": facts,
         }
         emit_json(document) if settings.json else emit(listing({**document, **words}))
         return
-    document, branches = _show_run(settings, ref)
+    document, events, branches = _show_run(settings, ref)
     if settings.json:
-        emit_json(document | {"branches": [asdict(course) for course in branches]})
+        history = {"history": [event.document for event in events]}
+        emit_json(document | history | {"branches": [asdict(course) for course in branches]})
     else:
-        words = {"history": history_lines(document["history"])}
         numbered = (f"{k}. {branch_text(course)}" for k, course in enumerate(branches, start=1))
-        emit("\n\n".join([listing({**document, **words}), *numbered]))
+        emit("\n\n".join([listing({**document, "history": history_lines(events)}), *numbered]))
 
 
-def _show_state(settings: Settings, ref: str) -> dict[str, Any]:
-    """All of a state but its arrays."""
+def _show_state(settings: Settings, ref: str) -> tuple[StateRecord, dict[str, Any]]:
+    """A state, and all of it but its arrays as a document."""
     from ribbon_cli.api import open_state
-    from ribbon_cli.store import summary
+    from ribbon_cli.store import Summary
 
     run, record, path = open_state(ref, settings.runs, teller(settings))
-    return {
-        **summary(record, run.name if run else None),
+    return record, {
+        **Summary.of(record).listed(run.name if run else None),
         "path": str(path),
         "spectra": _spectra(record),
         "provenance": dict(record.provenance),
@@ -173,14 +173,14 @@ def _spectra(record: StateRecord) -> dict[str, Any]:
     }
 
 
-def _show_run(settings: Settings, ref: str) -> tuple[dict[str, Any], tuple[Course, ...]]:
-    """A run: what `ribbon ls` says of it, its config, its history apart from states, and its branches."""
+def _show_run(settings: Settings, ref: str) -> tuple[dict[str, Any], list[Event], tuple[Course, ...]]:
+    """What `ribbon ls` says of a run and its config, its history apart from states, and its branches."""
     from ribbon_cli.store import find_run
     from ribbon_cli.study import courses, standing
 
     run = find_run(settings.root, ref)
     facts = standing(run)
-    if facts["damage"]:
-        raise StoreError(facts["damage"])
-    events = [event for event in run.events() if event["event"] != "state"]
-    return facts | {"config": str(run.path / "config.yaml"), "history": events}, courses(run)
+    if facts.damage:
+        raise StoreError(facts.damage)
+    events = [event for event in run.events() if event.kind != "state"]
+    return facts.to_dict() | {"config": str(run.path / "config.yaml")}, events, courses(run)

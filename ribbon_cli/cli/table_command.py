@@ -81,7 +81,7 @@ def _table(run: Run, outcome: Outcome | None) -> Table:
     if damaged:
         files = "; ".join(f"{run.state_path(label)}: {word}" for label, word in damaged.items())
         raise StoreError(f"{files}: the table would rest on states that are not there")
-    return convergence_rows(entries, *(state["length"] for state in states[:1]))
+    return convergence_rows(entries, *(state.length for state in states[:1]))
 
 
 def _uncertified(run: Run, table: Table, outcome: Outcome | None) -> list[str]:
@@ -90,7 +90,7 @@ def _uncertified(run: Run, table: Table, outcome: Outcome | None) -> list[str]:
     Not of targets, of which the outcome speaks, and not of points of a branch, which may be unstable.
     """
     targets = {(target.half_width, target.segments) for target in (outcome.targets if outcome else ())}
-    followed = {state["label"] for state in run.states() if state.get("branch")}
+    followed = {state.label for state in run.states() if state.branch is not None}
     return [
         f"{run.short_name}:{row.label}: no certificate at b = {row.half_width:.10g}, N = {row.segments}"
         for row in table.rows

@@ -167,8 +167,8 @@ def states_of_run(name: str, run: Run, options: Options) -> tuple[tuple[StateRec
     """
     found = branch(run, options.segments)
     if not FORMATS[name].series:
-        example = f"{typed(run)}:{found[-1]['label']}"
+        example = f"{typed(run)}:{found[-1].label}"
         raise UsageError(f"{name} takes one state: name one of {run.name}, for instance {example}")
     if len(found) > MOST_STATES:
         raise UsageError(f"{run.name} has {len(found)} widths, and {name} takes at most {MOST_STATES}")
-    return tuple(run.load(state["label"]) for state in found), left_out(run, found)
+    return tuple(run.load(state.label) for state in found), left_out(run, found)

@@ -21,7 +21,7 @@ from ribbon_cli.export.mesh import (
     node_values,
     strip,
 )
-from ribbon_cli.store import summary
+from ribbon_cli.store import Summary
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -64,7 +64,7 @@ def glb_bytes(record: StateRecord, title: str, run: str | None) -> bytes:
         "asset": {
             "version": "2.0",
             "generator": "ribbon",
-            "extras": {"title": title, "state": summary(record, run)},
+            "extras": {"title": title, "state": Summary.of(record).listed(run)},
         },
         "scene": 0,
         "scenes": [{"nodes": [0]}],

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ribbon_cli.export.mesh import FACET_FIELDS, NODE_FIELDS, field_values
-from ribbon_cli.store import content_sha256, summary
+from ribbon_cli.store import Summary, content_sha256
 from ribbon_cli.store.log import to_json
 from ribbon_cli.text import visible
 
@@ -62,7 +62,7 @@ def csv_bytes(record: StateRecord, run: str | None) -> bytes:
 
 def json_bytes(record: StateRecord, run: str | None) -> bytes:
     """What `ribbon show --json` says of a state, with its arrays under `arrays` and its `spectra`."""
-    document = summary(record, run)
+    document = Summary.of(record).listed(run)
     document["arrays"] = {name: getattr(record, name).tolist() for name in (*_ARRAYS, *_MULTIPLIERS)}
     document["spectra"] = {
         spectrum.metric: {

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from ribbon_cli.errors import UsageError
 from ribbon_cli.export.series import branch, courses, finest, latest, left_out, levels
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ribbon_cli.plot.curves import Curve
     from ribbon_cli.plot.modes import ModeShape
     from ribbon_cli.report.convergence import Table
-    from ribbon_cli.store import Run, StateRecord
+    from ribbon_cli.store import Run, StateRecord, Summary
 
 T = TypeVar("T")
 
@@ -89,7 +89,7 @@ def animate(
 def _one(source: Source, kind: str) -> StateRecord:
     """The state that a picture of one state shows."""
     if source.run is not None and source.whole_run:
-        example = finest(source.run)[-1]["label"]
+        example = finest(source.run)[-1].label
         raise UsageError(
             f"{kind} shows one state: name one of {source.run.name}, "
             f"for instance {typed(source.run)}:{example}"
@@ -126,8 +126,8 @@ def _spread_out(run: Run, segments: int | None, most: int) -> tuple[tuple[StateR
     """At most so many widths of a run, and words for the title where that are not all of them."""
     found = branch(run, segments) if segments else finest(run)
     chosen = _thinned(found, most)
-    note = _without([s["half_width"] for s in found], [s["half_width"] for s in chosen])
-    return tuple(run.load(state["label"]) for state in chosen), note + left_out(run, chosen)
+    note = _without([s.half_width for s in found], [s.half_width for s in chosen])
+    return tuple(run.load(state.label) for state in chosen), note + left_out(run, chosen)
 
 
 def _thinned(items: Sequence[T], most: int) -> list[T]:
@@ -210,8 +210,8 @@ def _refined(run: Run) -> tuple[StateRecord, ...]:
     """The levels of the half-width that has most of them with whole spectra, else with any."""
     branch(run)
     best: list[StateRecord] = []
-    for b in dict.fromkeys(state["half_width"] for state in latest(run.states())):
-        records = [run.load(state["label"]) for state in levels(run, b)]
+    for b in dict.fromkeys(state.half_width for state in latest(run.states())):
+        records = [run.load(state.label) for state in levels(run, b)]
         whole = [r for r in records if r.spectra and all(s.complete for s in r.spectra)]
         chosen = whole or [r for r in records if r.spectra]
         if len(chosen) > len(best):
@@ -243,15 +243,15 @@ def _branch(source: Source, style: Style) -> Picture:
     states = branch(run, source.segments)
     if len(states) < 2:
         raise UsageError(
-            f"{run.name} has one half-width only at N = {states[0]['segments']}: a branch needs two"
+            f"{run.name} has one half-width only at N = {states[0].segments}: a branch needs two"
         )
-    records = tuple(run.load(state["label"]) for state in states)
+    records = tuple(run.load(state.label) for state in states)
     # Where the run located the first contact, its states are not among the equilibria that someone named. It
     # lies elsewhere on every mesh.
     located = [
-        state["half_width"]
+        state.half_width
         for state in run.states(all=True)
-        if state["segments"] == states[0]["segments"] and any(map(_is_first_contact, state["events"]))
+        if state.segments == states[0].segments and any(map(_is_first_contact, state.events))
     ]
     contact = min(located, default=None)
     lowest = [lowest_value(r, "rotation", "sliding") for r in records]
@@ -264,16 +264,14 @@ def _is_first_contact(event: str) -> bool:
     return event.startswith("first contact: ")
 
 
-def _followed(run: Run, followed: dict[str, list[dict[str, Any]]], style: Style) -> Picture:
+def _followed(run: Run, followed: dict[str, list[Summary]], style: Style) -> Picture:
     """Branches that arclength continuation followed, around folds and over saddles."""
     from ribbon_cli.plot.branches import arclength_figure
     from ribbon_cli.plot.levels import lowest_value
 
-    first = {points[0]["label"] for points in followed.values() if not points[0].get("branch")}
+    first = {points[0].label for points in followed.values() if points[0].branch is None}
     starts = {label: lowest_value(run.load(label), "rotation") for label in first}
-    every = {
-        p["label"]: p["branch"]["type"] for points in followed.values() for p in points if p.get("branch")
-    }
+    every = {p.label: p.branch.type for points in followed.values() for p in points if p.branch}
     types = list(every.values())
     shown = dict(list(followed.items())[:MOST_LOOKS])
     title = f"Branches in the width: {len(followed)}"
@@ -294,19 +292,19 @@ def _runs(source: Source, style: Style) -> Picture:
         raise UsageError("--with names a run that is there already")
     if len(runs) > MOST_RUNS:
         raise UsageError(f"branch tells {MOST_RUNS} runs apart, and {len(runs)} are named: leave some out")
-    shown: list[list[list[dict[str, Any]]]] = []
+    shown: list[list[list[Summary]]] = []
     words = []
     for run in runs:
         followed = list(courses(run, source.segments).values())
         states = branch(run, source.segments) if not followed else []
         shown.append(followed or [states])
-        every = {state["label"]: state for points in shown[-1] for state in points}.values()
-        certified = sum(bool(state["certified"]) for state in every)
-        meshes = ", ".join(str(n) for n in sorted({state["segments"] for state in every}))
+        every = {state.label: state for points in shown[-1] for state in points}.values()
+        certified = sum(state.certified for state in every)
+        meshes = ", ".join(str(n) for n in sorted({state.segments for state in every}))
         words.append(
             f"{run.name}, N = {meshes} ({certified} of {len(every)} certified{left_out(run, states)})"
         )
-    bands = [band_text(run.load(c[0][0]["label"]).half_twists) for run, c in zip(runs, shown, strict=True)]
+    bands = [band_text(run.load(c[0][0].label).half_twists) for run, c in zip(runs, shown, strict=True)]
     figure = runs_figure(run_texts(runs), bands, shown, style)
     title = f"Energies of {len(runs)} runs over the half-width"
     return Picture(figure, title, (), words="; ".join(words))

@@ -10,6 +10,8 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
+from ribbon_cli.store.refs import same_width
+
 ORDER = 2
 """Theoretical order of the discrete energy, E_N = E + c2 h^2 + c4 h^4 + ... (Koldaev (2022), section 2.2)."""
 
@@ -35,9 +37,6 @@ FALL = 2.0**ORDER
 
 SOLVER_FLOOR = 1e-11
 """Relative size below which a difference of energies is the solver's tolerance and not the grid's doing."""
-
-SAME_WIDTH = 1e-9
-"""Relative difference up to which two half-widths are the same."""
 
 
 _UNCERTIFIED, _ELSEWHERE = "no certificate: ", " is not on the branch of "
@@ -124,7 +123,7 @@ def convergence_rows(entries: Iterable[Entry], length: float = 2 * math.pi) -> T
 def _groups(entries: Iterable[Entry]) -> list[tuple[float, dict[int, Entry]]]:
     groups: list[tuple[float, dict[int, Entry]]] = []
     for entry in entries:
-        known = (group for b, group in groups if math.isclose(b, entry.half_width, rel_tol=SAME_WIDTH))
+        known = (group for b, group in groups if same_width(b, entry.half_width))
         group = next(known, None)
         if group is None:
             group = {}

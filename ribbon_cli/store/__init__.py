@@ -21,7 +21,7 @@ from ribbon_cli.store.refs import (
 )
 from ribbon_cli.store.root import runs_root
 from ribbon_cli.store.run import Run
-from ribbon_cli.store.summaries import summary
+from ribbon_cli.store.summaries import BranchSummary, Summary
 
 __all__ = [
     "FORMAT",
@@ -29,9 +29,11 @@ __all__ = [
     "KINDS",
     "METRICS",
     "BranchRecord",
+    "BranchSummary",
     "Run",
     "SpectrumRecord",
     "StateRecord",
+    "Summary",
     "content_sha256",
     "decode",
     "encode",
@@ -46,7 +48,6 @@ __all__ = [
     "resolve_state",
     "runs_root",
     "suggest",
-    "summary",
     "typed",
     "write_arrays",
     "write_atomic",

@@ -22,7 +22,7 @@ from ribbon_cli.store.fields import Field, assemble, flatten, scales, value_dtyp
 from ribbon_cli.store.layout import DIMENSIONS, FORMAT, FORMAT_VERSION, SIGNALS
 from ribbon_cli.store.preamble import block_size, check_seal, check_version, head_version, seal
 from ribbon_cli.store.record import StateRecord
-from ribbon_cli.store.summaries import agrees, describe
+from ribbon_cli.store.summaries import Summary
 
 if TYPE_CHECKING:
     import h5py
@@ -68,7 +68,7 @@ def encode(record: StateRecord) -> bytes:
 
     fields = flatten(record)
     content = values_sha256({field.item.path: field.value for field in fields})
-    summary = describe(record, content)
+    summary = Summary.of(record, content).to_dict()
     fields += scales(fields, record.length, record.segments)
     image = io.BytesIO()
     creation = h5p.create(h5p.FILE_CREATE)
@@ -264,7 +264,7 @@ def decode_bytes(data: bytes, source: str) -> StateRecord:
             if values_sha256(values) != stored:
                 raise ValueError("its content does not match its content_sha256")
             record = assemble(values)
-            if head is not None and not agrees(head, record, stored):
+            if head is not None and not Summary.of(record, stored).agrees(head):
                 raise ValueError("the summary in its head is not that of its content")
             return record
     except UNREADABLE as error:

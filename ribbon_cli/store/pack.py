@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from ribbon_cli.errors import StoreError, UsageError
 from ribbon_cli.store import log
 from ribbon_cli.store.atomic import publish, temporary_name, write_durable, write_error
-from ribbon_cli.store.events import removed
+from ribbon_cli.store.events import Created, Entry, removed
 from ribbon_cli.store.folder import CONFIG, LOG, RESOLVED, STATES, place, state_name
 from ribbon_cli.store.hdf5 import MAX_BYTES, PACK, UNREADABLE, check_dataset, read_bytes, text_attribute
 from ribbon_cli.store.hdf5 import write_text_attribute as write_text
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 FORMAT = PACK
 FORMAT_VERSION = "1.1"
 _RUN_NAME = re.compile(r"\w[\w.-]{0,200}-[0-9a-f]{8}(\.old-\d{1,6})?")
-_STATE = re.compile(r"\d{4,12}\.h5")
 _LOOK = "states"
 """Group with a copy of each state's datasets; for people and viewers, never read back."""
 _FILES = "files"
@@ -154,7 +153,7 @@ def _write_to(run: Run, sink: _Sink) -> int:
         _write_file(file, LOG, lines[: lines.rfind(b"\n") + 1])
         for label, entry in entries.items():
             sink.check()
-            data = run.committed_bytes(label, entry)
+            data = run.committed_bytes(entry)
             _write_file(file, state_name(label), data)
             with h5py.File(h5f.open_file_image(data)) as state:
                 state.copy("/", file, f"{_LOOK}/{label:04d}")
@@ -259,17 +258,14 @@ def _files(path: Path) -> Iterator[tuple[str, bytes]]:
     try:
         with h5py.File(path, "r") as file:
             lines = _read_file(file, LOG)
-            entries = [log.parse_line(line) for line in lines.split(b"\n")[:-1]]
-            if not entries or entries[0]["event"] != "created" or not lines.endswith(b"\n"):
+            events = [log.parse_line(line) for line in lines.split(b"\n")[:-1]]
+            if not events or not isinstance(events[0], Created) or not lines.endswith(b"\n"):
                 raise ValueError("its log does not begin as a run's")
-            hashes = {name: entries[0]["files"][name] for name in (CONFIG, RESOLVED)}
-            gone = removed(entries)
-            for entry in entries:
-                if entry["event"] == "state" and entry["state"]["label"] not in gone:
-                    name = str(entry["file"])
-                    if not _STATE.fullmatch(name.removeprefix(f"{STATES}/")):
-                        raise ValueError(f"its log names the file {name!r}")
-                    hashes[name] = entry["sha256"]
+            hashes = {name: events[0].files[name] for name in (CONFIG, RESOLVED)}
+            gone = removed(events)
+            for event in events:
+                if isinstance(event, Entry) and event.state.label not in gone:
+                    hashes[state_name(event.state.label)] = event.sha256
             yield LOG, lines
             for name, committed in hashes.items():
                 data = _read_file(file, name)

@@ -63,7 +63,7 @@ def rerun(
     finally:
         if into is None:
             shutil.rmtree(folder, ignore_errors=True)
-    stages = {state["label"]: state["stage"] for state in run.states(all=True)}
+    stages = {state.label: state.stage for state in run.states(all=True)}
     extra = tuple(pair for pair in pairs if pair.second is None and by_command(pair.stage, stages))
     return Rerun(run, outcome, tuple(pair for pair in pairs if pair not in extra), extra)
 

@@ -43,10 +43,10 @@ from ..report.comparison import (
     compare_states,
     same_science,
 )
-from ..report.convergence import SAME_WIDTH
 from ..solver.newton import Options
 from ..solver.status import STATIONARY, Status
 from ..store import BranchRecord, Run, SpectrumRecord, StateRecord
+from ..store.refs import WIDTH_TOLERANCE
 from .branch_checks import OVERLAP, TANGENT, VALUE
 from .records import multipliers_of, state_of
 from .spectra_again import NOISE, RELATIVE
@@ -146,7 +146,7 @@ def _checks(first: StateRecord, second: StateRecord) -> tuple[str | None, list[_
             two = image.apply(two, first.sigma)
             drift = _apart(one, two)
     limit = NEAR if _solves(first) and _solves(second) else DERIVED
-    checks = [_Check("/state/half_width", _relative(first.half_width, second.half_width), SAME_WIDTH)]
+    checks = [_Check("/state/half_width", _relative(first.half_width, second.half_width), WIDTH_TOLERANCE)]
     for name, part in (("u", slice(0, 3)), ("g", slice(3, 6)), ("xi", slice(6, 7))):
         checks.append(_Check(f"/state/{name}", _apart(one[:, part], two[:, part]), limit))
     for record in (first, second) if Status(first.status) in STATIONARY else ():

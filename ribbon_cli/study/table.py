@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 from ..report.convergence import Entry, Table, convergence_rows
-from ..store import Run
+from ..store import Run, Summary
+from ..store.refs import by_place, meant, same_width
 
 ANOTHER = "another minimum"
 """How the event of a refinement begins that ended in another minimum than it came from."""
@@ -20,34 +20,22 @@ def table_entries(run: Run) -> list[Entry]:
     An entry that is not on the branch of the one with half its segments says so in `breaks`. That is read
     off parents and their events; where they do not lead there, the two states are compared.
     """
-    chosen: list[Entry] = []
-    for state in run.states():
-        entry = Entry(
-            half_width=state["half_width"],
-            segments=int(state["segments"]),
-            energy=state["energy"],
-            certified=bool(state["certified"]),
-            label=state["label"],
-        )
-        place = next((k for k, old in enumerate(chosen) if _same(old, entry)), None)
-        if place is None:
-            chosen.append(entry)
-        elif entry.certified or not chosen[place].certified:
-            chosen[place] = entry
-    states = {state["label"]: state for state in run.states(all=True)}
+    groups = sorted(by_place(run.states()).values(), key=lambda group: group[0].label)
+    chosen = [_entry(meant(group)) for group in groups]
+    states = {state.label: state for state in run.states(all=True)}
     return [replace(entry, breaks=_break(run, states, chosen, entry)) for entry in chosen]
 
 
 def run_table(run: Run) -> Table:
     """The convergence table of a run, without rows where it has no equilibria."""
-    return convergence_rows(table_entries(run), *(state["length"] for state in run.states()[:1]))
+    return convergence_rows(table_entries(run), *(state.length for state in run.states()[:1]))
 
 
-def _same(a: Entry, b: Entry) -> bool:
-    return a.segments == b.segments and math.isclose(a.half_width, b.half_width, rel_tol=1e-9)
+def _same(a: Entry, b: Entry | Summary) -> bool:
+    return a.segments == b.segments and same_width(a.half_width, b.half_width)
 
 
-def _break(run: Run, states: Mapping[int, Mapping[str, Any]], chosen: list[Entry], fine: Entry) -> str:
+def _break(run: Run, states: Mapping[int, Summary], chosen: list[Entry], fine: Entry) -> str:
     """Why an entry does not continue the one with half its segments; empty if it does or there is none."""
     half = replace(fine, segments=fine.segments // 2)
     coarse = next((entry for entry in chosen if fine.segments % 2 == 0 and _same(entry, half)), None)
@@ -55,22 +43,22 @@ def _break(run: Run, states: Mapping[int, Mapping[str, Any]], chosen: list[Entry
         return ""
     state = states[int(fine.label or 0)]
     while True:
-        found = next((event for event in state["events"] if event.startswith(ANOTHER)), "")
+        found = next((event for event in state.events if event.startswith(ANOTHER)), "")
         if found:
             return found
-        if state["parent"] not in states:
+        if state.parent is None or state.parent not in states:
             return _compared(run, coarse, fine)
-        state = states[state["parent"]]
-        if state["label"] == coarse.label:
+        state = states[state.parent]
+        if state.label == coarse.label:
             return ""
-        if state["kind"] == "equilibrium" and _same(_place(state), coarse):
-            if _one_energy(state["energy"], coarse.energy):
+        if state.kind == "equilibrium" and _same(coarse, state):
+            if _one_energy(state.energy, coarse.energy):
                 return ""
-            return f"{ANOTHER}: refined from state {state['label']} with E = {state['energy']:.9g}"
+            return f"{ANOTHER}: refined from state {state.label} with E = {state.energy:.9g}"
 
 
-def _place(state: Mapping[str, Any]) -> Entry:
-    return Entry(state["half_width"], int(state["segments"]), state["energy"], bool(state["certified"]))
+def _entry(state: Summary) -> Entry:
+    return Entry(state.half_width, state.segments, state.energy, state.certified, state.label)
 
 
 def _one_energy(a: float | None, b: float | None) -> bool:
