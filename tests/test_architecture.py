@@ -17,6 +17,7 @@ MODULES = sorted(PACKAGE.rglob("*.py"))
 RANKS = {
     "errors": 0,
     "digits": 0,
+    "doors": 0,
     "expression": 0,
     "text": 0,
     "model": 1,
@@ -28,10 +29,12 @@ RANKS = {
     "export": 5,
     "plot": 6,
     "study": 6,
-    "pages": 7,
-    "api": 8,
-    "cli": 9,
-    "paper": 9,
+    "analysis": 7,
+    "verify": 7,
+    "pages": 8,
+    "api": 9,
+    "cli": 10,
+    "paper": 10,
 }
 """A room imports from itself and from rooms of lower rank; see docs/architecture.md."""
 FRONT_DOORS = {"__init__", "__main__"}

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
-from ribbon_cli import study
+from ribbon_cli import analysis
 from ribbon_cli.api.names import PLOT_KINDS
 from ribbon_cli.errors import RibbonWarning, UsageError
 from ribbon_cli.export.words import contact_warning
@@ -133,8 +133,8 @@ def source_of(
     return Source(
         run,
         states,
-        study.run_table,
-        study.multiplier_curves,
+        analysis.run_table,
+        analysis.multiplier_curves,
         mode,
         angles,
         segments,
@@ -188,7 +188,7 @@ def _mode(record: StateRecord, index: int | None) -> ModeShape:
     """
     from ribbon_cli.plot.modes import ModeShape
 
-    found = study.stability_of(record, modes=max(12, index or 1))
+    found = analysis.stability_of(record, modes=max(12, index or 1))
     if index is None:
         index = 1 + next(k for k, mode in enumerate(found.modes) if mode.label != "rotation")
     if index > len(found.vectors):

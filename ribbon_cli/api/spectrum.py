@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from ribbon_cli import study
+from ribbon_cli import analysis
 from ribbon_cli.api.extras import extra
 from ribbon_cli.pages import html
 from ribbon_cli.text import visible
@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from pandas import DataFrame
     from xarray import Dataset
 
+    from ribbon_cli.analysis import Stability
     from ribbon_cli.store import StateRecord
-    from ribbon_cli.study import Stability
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -67,7 +67,7 @@ class Spectrum:
 
     def document(self) -> dict[str, Any]:
         """What `ribbon spectrum STATE --json` prints."""
-        return study.document_of(self.record, self.found, self.run)
+        return analysis.document_of(self.record, self.found, self.run)
 
     def table(self) -> DataFrame:
         """A row a mode, with a column for each symmetry. Raises ImportError without pandas."""

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, Self
 
-from ribbon_cli import study
+from ribbon_cli import analysis, study
 from ribbon_cli.api import display
 from ribbon_cli.api.drawing import Named, figure_of
 from ribbon_cli.api.exporting import Exported, export_to
@@ -64,7 +64,7 @@ class OpenState(StateRecord):
         The lowest `modes` and the rotations, or all of them if `full`. What a solve stored is in `spectra`.
         Raises UsageError, TargetError.
         """
-        return Spectrum(self, study.stability_of(self, metric, modes, full), self.run_name)
+        return Spectrum(self, analysis.stability_of(self, metric, modes, full), self.run_name)
 
     def plot(
         self,

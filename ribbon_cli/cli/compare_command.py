@@ -48,7 +48,7 @@ def compare(settings: Settings, first: str, second: str, exact: bool) -> int:
 def _states(settings: Settings, first: str, second: str, exact: bool) -> int:
     from ribbon_cli.api import open_state
     from ribbon_cli.report.comparison import compare_states
-    from ribbon_cli.study import judge
+    from ribbon_cli.verify import judge
 
     one, two = (open_state(ref, settings.runs, teller(settings))[1] for ref in (first, second))
     pairs, judgement = compare_states(one, two), judge(one, two)
@@ -65,7 +65,7 @@ def _states(settings: Settings, first: str, second: str, exact: bool) -> int:
 
 def _runs(settings: Settings, first: str, second: str, exact: bool) -> int:
     from ribbon_cli.store import find_run
-    from ribbon_cli.study import judge_runs
+    from ribbon_cli.verify import judge_runs
 
     one, two = find_run(settings.root, first), find_run(settings.root, second)
     pairs = judge_runs(one, two)

@@ -97,7 +97,7 @@ def check(settings: Settings, config: str) -> None:
 def _problems(error: ConfigError) -> list[dict[str, Any]]:
     from dataclasses import asdict
 
-    return [asdict(problem) for problem in error.problems]
+    return [asdict(mistake) for mistake in error.mistakes]
 
 
 def _show_plan(settings: Settings, config: Config) -> None:

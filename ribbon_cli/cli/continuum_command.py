@@ -29,9 +29,9 @@ def show_continuum(settings: Settings, ref: str) -> int:
 
 def _show_state(settings: Settings, ref: str) -> tuple[dict[str, Any], str, list[str]]:
     """One state as a document and as text; its name if it is an equilibrium without certificate."""
+    from ribbon_cli.analysis import continuum_of
     from ribbon_cli.api import open_state
     from ribbon_cli.report.continuum import state_document, state_text
-    from ribbon_cli.study import continuum_of
 
     run, record, path = open_state(ref, settings.runs, teller(settings))
     name = f"{run.short_name}:{record.label}" if run else str(path)
@@ -42,9 +42,9 @@ def _show_state(settings: Settings, ref: str) -> tuple[dict[str, Any], str, list
 
 def _show_run(settings: Settings, ref: str) -> tuple[dict[str, Any], str, list[str]]:
     """A run's tables over N as a document and as text; the states without certificate."""
+    from ribbon_cli.analysis import continuum_of_run
     from ribbon_cli.report.continuum import order_tables, tables_document, tables_text
     from ribbon_cli.store import find_run
-    from ribbon_cli.study import continuum_of_run
 
     run = find_run(settings.root, ref)
     found = continuum_of_run(run)

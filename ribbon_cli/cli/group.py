@@ -75,7 +75,7 @@ def _fail(error: BaseException, settings: Settings) -> int:
     if settings.debug and not isinstance(error, Stopped | click.Abort):
         complain("".join(traceback.format_exception(error)).rstrip())
     text, code = _describe(error, settings)
-    complain(text if hasattr(error, "problems") else visible(text))  # one line, whatever a file is called
+    complain(text if hasattr(error, "mistakes") else visible(text))  # one line, whatever a file is called
     return code
 
 
@@ -97,7 +97,7 @@ def _describe(error: BaseException, settings: Settings) -> tuple[str, int]:
 
 def _known(error: RibbonError) -> str:
     """The lines of a config's errors as they are, since editors jump to FILE:LINE:COLUMN; others prefixed."""
-    return str(error) if hasattr(error, "problems") else f"ribbon: {error}"
+    return str(error) if hasattr(error, "mistakes") else f"ribbon: {error}"
 
 
 def _usage(error: click.ClickException) -> str:

@@ -124,7 +124,7 @@ def rerun(settings: Settings, run: str, into: str | None, exact: bool) -> int:
     from pathlib import Path
 
     from ribbon_cli.cli.progress import progress
-    from ribbon_cli.study import rerun as repeat
+    from ribbon_cli.verify import rerun as repeat
 
     with progress(settings) as shown:
         target = None if into is None else Path(into)

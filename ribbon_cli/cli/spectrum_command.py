@@ -78,9 +78,9 @@ def _analyse(
     overwrite: bool,
 ) -> dict[str, Any]:
     """One state's document; its modes go to the npz file `archive`, if that is asked for."""
+    from ribbon_cli.analysis import arrays_of, document_of, stability_of
     from ribbon_cli.api import open_state
     from ribbon_cli.store import write_arrays
-    from ribbon_cli.study import arrays_of, document_of, stability_of
 
     run, record, _ = open_state(ref, settings.runs, teller(settings))
     found = stability_of(record, metric, modes or 12, full)
@@ -93,8 +93,8 @@ def _analyse(
 
 def _all_of_run(settings: Settings, ref: str, metric: str) -> dict[str, Any]:
     """The documents of all of a run's equilibria."""
+    from ribbon_cli.analysis import document_of, run_spectra
     from ribbon_cli.store import find_run
-    from ribbon_cli.study import document_of, run_spectra
 
     run = find_run(settings.root, ref)
     found = run_spectra(run, metric)
@@ -106,8 +106,8 @@ def _converge(
     settings: Settings, ref: str, metric: str, modes: int | None
 ) -> tuple[dict[str, Any], list[str]]:
     """A run's document, and which states were left out."""
+    from ribbon_cli.analysis import spectral_convergence
     from ribbon_cli.store import find_run
-    from ribbon_cli.study import spectral_convergence
 
     run = find_run(settings.root, ref)
     table = spectral_convergence(run, metric, modes or 6)

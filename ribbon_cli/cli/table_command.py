@@ -107,9 +107,9 @@ def _table(run: Run, outcome: Outcome | None) -> Table:
     Raises UsageError when a run that was named has nothing to show, StoreError where a state's file is not
     what was committed.
     """
+    from ribbon_cli.analysis import table_entries
     from ribbon_cli.report.convergence import convergence_rows
     from ribbon_cli.store.refs import no_equilibria
-    from ribbon_cli.study import table_entries
 
     states = run.states()
     if not states and outcome is None:

@@ -12,7 +12,7 @@ from ribbon_cli.cli.settings import Settings, common_options, pass_settings
 from ribbon_cli.errors import StoreError
 
 if TYPE_CHECKING:
-    from ribbon_cli.study import Verification
+    from ribbon_cli.verify import Verification
 
 
 @click.command()
@@ -31,7 +31,7 @@ def verify(settings: Settings, ref: str, continuum: bool) -> int:
         from ribbon_cli.cli.continuum_command import show_continuum
 
         return show_continuum(settings, ref)
-    from ribbon_cli.study import verify as check
+    from ribbon_cli.verify import verify as check
 
     found = check(settings.root, ref, teller(settings))
     if settings.json:

@@ -1,7 +1,7 @@
 """Configs: YAML with positions in, checked and resolved records out."""
 
+from ribbon_cli.config.mistakes import ConfigError, Mistake
 from ribbon_cli.config.parse import load_config, parse_config
-from ribbon_cli.config.problems import ConfigError, Problem
 from ribbon_cli.config.recipes import RECIPES
 from ribbon_cli.config.schema import SCHEMA_FILE, schema
 from ribbon_cli.config.templates import templates
@@ -23,7 +23,7 @@ __all__ = [
     "Config",
     "ConfigError",
     "Guess",
-    "Problem",
+    "Mistake",
     "Refinement",
     "SpectrumRequest",
     "dump_resolved",

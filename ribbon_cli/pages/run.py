@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from ribbon_cli import digits
+from ribbon_cli.analysis import multiplier_curves, run_table
 from ribbon_cli.errors import UsageError
 from ribbon_cli.export.series import branch, courses, finest, latest
 from ribbon_cli.export.words import MEETS_ITSELF
@@ -13,7 +14,6 @@ from ribbon_cli.plot.figure import image, state_caption
 from ribbon_cli.plot.kinds import Source, draw
 from ribbon_cli.plot.style import Style
 from ribbon_cli.report.tables import RENDERERS
-from ribbon_cli.study import multiplier_curves, run_table
 
 if TYPE_CHECKING:
     from ribbon_cli.store import Run, StateRecord

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ribbon_cli.analysis import multiplier_curves
 from ribbon_cli.digits import fixed
 from ribbon_cli.export.fields import inflections
 from ribbon_cli.paper import claims
@@ -22,7 +23,6 @@ from ribbon_cli.plot.curves import geometry_figure, multipliers_figure
 from ribbon_cli.plot.levels import draw_spectra, spectrum_of
 from ribbon_cli.plot.pictures import Panel, shapes_figure
 from ribbon_cli.plot.style import STYLES
-from ribbon_cli.study import multiplier_curves
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -385,9 +385,9 @@ def _spectra(found: dict[str, list[StateRecord]], metric: str) -> Figure:
 
 
 def _table_3_1(library: Library) -> Made:
+    from ribbon_cli.analysis import table_entries
     from ribbon_cli.report.convergence import Entry, compare_with_thesis, convergence_rows, thesis_table
     from ribbon_cli.report.tables import RENDERERS
-    from ribbon_cli.study import table_entries
 
     run = library.run(TABLE)
     other = library.state(SECOND, 0.1, 50)

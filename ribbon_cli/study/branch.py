@@ -23,9 +23,9 @@ from ..store import BranchRecord, StateRecord, summary
 from .acceptance import checked, converged
 from .branch_tables import ENDED, course_point, courses
 from .clock import Clock
+from .closed_branches import TURNING, repeated, turns
 from .outcome import Course
 from .records import multipliers_of, state_of
-from .repetition import TURNING, repeated, turns
 from .steps import Steps
 
 STATE_TYPES = {"width": "equilibrium"}

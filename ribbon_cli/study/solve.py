@@ -18,8 +18,8 @@ from ..config import Arclength, Config, dump_resolved
 from ..errors import UsageError
 from ..store import Run, StateRecord, configs
 from ..store.folder import is_run
+from .config_changes import what_changed
 from .journal import run_or_read
-from .nearest import what_changed
 from .outcome import Course, Outcome, Target
 from .plan import (
     guess_notes,

@@ -10,7 +10,7 @@ from ..errors import RibbonError, StoreError
 from ..solver.status import Status
 from ..store import Run
 from .plan import plan_of, start_name
-from .resolved import resolved_config
+from .run_config import resolved_config
 
 RUN_STATUSES = ("complete", "running", "waiting", "failed", "damaged", "unknown")
 """Words for a run as a whole: all targets certified; being written to; targets left; targets missed; ..."""

@@ -9,9 +9,7 @@ from typing import Any
 
 from ..report.convergence import Entry, Table, convergence_rows
 from ..store import Run
-
-ANOTHER = "another minimum"
-"""How the event of a refinement begins that ended in another minimum than it came from."""
+from ..study.outcome import ANOTHER
 
 
 def table_entries(run: Run) -> list[Entry]:
@@ -80,9 +78,9 @@ def _one_energy(a: float | None, b: float | None) -> bool:
 def _compared(run: Run, coarse: Entry, fine: Entry) -> str:
     """The two states compared, where parentage does not tell: only then is SciPy waited for."""
     from ..solver.kinship import another_minimum
-    from .acceptance import options_for
-    from .progress import Silence
-    from .records import state_of
+    from ..study.acceptance import options_for
+    from ..study.progress import Silence
+    from ..study.records import state_of
 
     records = [run.load(int(entry.label or 0)) for entry in (coarse, fine)]
     options = options_for(records[0].half_twists, Silence())
