@@ -1,8 +1,8 @@
 """Doors of rooms that open on first use.
 
-A room's `__init__.pyi` lists what the room offers, as imports that type checkers and editors read. The door
-reads the same list. A name's module is imported when the name is first asked for, so that a module may import
-a room at its top without waiting for what the room is made of.
+A room's `__init__.pyi` lists what the room offers, names and modules, as imports that type checkers and
+editors read. The door reads the same list, and imports a module when it, or a name of it, is first asked for.
+So a module may import a room at its top without waiting for what the room is made of.
 """
 
 from __future__ import annotations
@@ -23,12 +23,15 @@ def door(room: str, file: str) -> tuple[Callable[[str], object], Callable[[], li
         if not homes:
             for node in ast.parse(Path(file).with_suffix(".pyi").read_text(encoding="utf-8")).body:
                 if isinstance(node, ast.ImportFrom):
-                    homes.update((alias.name, f"{'.' * node.level}{node.module}") for alias in node.names)
+                    homes.update(
+                        (alias.name, f"{'.' * node.level}{node.module or ''}") for alias in node.names
+                    )
         return homes
 
     def find(name: str) -> object:
         if name.startswith("__") or name not in known():
             raise AttributeError(f"module {room!r} has no attribute {name!r}")
-        return getattr(import_module(known()[name], room), name)
+        home = known()[name]
+        return import_module(f".{name}", room) if home == "." else getattr(import_module(home, room), name)
 
     return find, lambda: sorted({*vars(sys.modules[room]), *known()})

@@ -30,10 +30,10 @@ from ribbon_cli.config import (
     templates,
 )
 from ribbon_cli.config.document import Node
+from ribbon_cli.config.json_schema import schema
 from ribbon_cli.config.keys import Integer, Text
 from ribbon_cli.config.mistakes import Mistakes
 from ribbon_cli.config.reader import Reader
-from ribbon_cli.config.schema import schema
 from ribbon_cli.expression import PATTERN, ExpressionError, evaluate
 
 ROOT = Path(__file__).parent.parent

@@ -1,3 +1,4 @@
+from . import kinship as kinship
 from .continuum import continuum_of as continuum_of
 from .continuum import continuum_of_run as continuum_of_run
 from .continuum import equilibrium_residuals as equilibrium_residuals

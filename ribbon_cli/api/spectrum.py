@@ -5,19 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ribbon_cli import analysis
 from ribbon_cli.api.extras import extra
 from ribbon_cli.pages import html
+from ribbon_cli.store import StateRecord
 from ribbon_cli.text import visible
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
     from pandas import DataFrame
     from xarray import Dataset
-
-    from ribbon_cli.analysis import Stability
-    from ribbon_cli.store import StateRecord
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -28,7 +27,7 @@ class Spectrum:
     """
 
     record: StateRecord
-    found: Stability
+    found: analysis.Stability
     run: str | None = None
 
     @property
@@ -39,15 +38,11 @@ class Spectrum:
     @property
     def values(self) -> NDArray[np.float64]:
         """Eigenvalues (k,), ascending."""
-        import numpy as np
-
         return np.array([mode.value for mode in self.found.modes])
 
     @property
     def bounds(self) -> NDArray[np.float64]:
         """Bounds (k,) of the eigenvalues' errors, roundoff included."""
-        import numpy as np
-
         return np.array([mode.bound for mode in self.found.modes])
 
     @property

@@ -6,12 +6,12 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from ribbon_cli.api.extras import extra
+from ribbon_cli.store import Run
 from ribbon_cli.store.layout import BRANCH, STATE
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-    from ribbon_cli.store import Run
 
 _TYPES = {"float64": "float64", "int64": "int64", "bool": "bool", "utf-8": "object"}
 _MAY_LACK = "Int64"

@@ -11,6 +11,7 @@ from typing import Any
 
 import click
 
+from ribbon_cli import store
 from ribbon_cli.cli.output import complain, emit
 from ribbon_cli.cli.settings import Settings
 from ribbon_cli.errors import RibbonError, UsageError
@@ -63,9 +64,7 @@ class RibbonGroup(click.Group):
     ) -> tuple[str | None, click.Command | None, list[str]]:
         """Find the command. Raises UsageError with a near miss for one that there is not."""
         if not ctx.resilient_parsing and self.get_command(ctx, args[0]) is None:
-            from ribbon_cli.store import suggest
-
-            hint = suggest(args[0], self.commands) or "; `ribbon --help` lists the commands"
+            hint = store.suggest(args[0], self.commands) or "; `ribbon --help` lists the commands"
             raise UsageError(f"no such command {args[0]!r}{hint}")
         return super().resolve_command(ctx, args)
 

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ribbon_cli.errors import UsageError
+from ribbon_cli.store import Run
 from ribbon_cli.store.refs import WIDTH_TOLERANCE, no_equilibria
-
-if TYPE_CHECKING:
-    from ribbon_cli.store import Run
 
 
 def latest(states: list[dict[str, Any]]) -> list[dict[str, Any]]:

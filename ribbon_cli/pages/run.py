@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ribbon_cli import digits
 from ribbon_cli.analysis import multiplier_curves, run_table
@@ -14,9 +14,7 @@ from ribbon_cli.plot.figure import image, state_caption
 from ribbon_cli.plot.kinds import Source, draw
 from ribbon_cli.plot.style import Style
 from ribbon_cli.report.tables import RENDERERS
-
-if TYPE_CHECKING:
-    from ribbon_cli.store import Run, StateRecord
+from ribbon_cli.store import Run, StateRecord
 
 SCREEN = Style("screen", 6.3, 8.0, 1.0, 0.35, 3.0, 130)
 """The look of `paper` with dots enough for a screen."""

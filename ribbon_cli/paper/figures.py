@@ -25,8 +25,7 @@ from ribbon_cli.plot.pictures import Panel, shapes_figure
 from ribbon_cli.plot.style import STYLES
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
+    from ribbon_cli.plot.canvas import Figure
     from ribbon_cli.store import StateRecord
 
 STYLE = STYLES["paper"]
@@ -370,7 +369,7 @@ def _euclidean(states: Sequence[StateRecord]) -> list[tuple[int, np.ndarray]]:
 
 def _spectra(found: dict[str, list[StateRecord]], metric: str) -> Figure:
     """Panels of Figure 3.14 by letter, in rows of two at one scale, in a metric."""
-    from matplotlib.figure import Figure
+    from ribbon_cli.plot.canvas import Figure
 
     rows, columns = -(-len(found) // 2), min(2, len(found))
     size = (STYLE.width * (0.55 if columns == 1 else 1.0), 0.42 * rows * STYLE.width)

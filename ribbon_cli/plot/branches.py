@@ -5,18 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import groupby, pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
 
+from ribbon_cli.plot.canvas import Figure
 from ribbon_cli.plot.labels import legend_above, plain
 from ribbon_cli.plot.panels import panels
 from ribbon_cli.plot.style import INK, LIGHT_GREY, PALETTE, Style, branch_look, spread
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-    from matplotlib.lines import Line2D
 
 Point = Mapping[str, Any]
 
@@ -167,8 +165,6 @@ def mark_points(
 
 def _names(courses: Mapping[str, Sequence[Point]], style: Style) -> list[Line2D]:
     """A legend's lines for branches, numbered where there are several."""
-    from matplotlib.lines import Line2D
-
     if len(courses) == 1:
         return [Line2D([], [], color=PALETTE[0], label=name, linewidth=2 * style.line) for name in courses]
     return [
@@ -178,8 +174,6 @@ def _names(courses: Mapping[str, Sequence[Point]], style: Style) -> list[Line2D]
 
 def meanings(used: set[int | None], points: Sequence[Point]) -> list[Line2D]:
     """A legend's lines for what dashes and open marks mean; of these only what is there."""
-    from matplotlib.lines import Line2D
-
     types = {p["branch"]["type"] for p in points if p.get("branch")}
     lines = [
         Line2D([], [], color=INK, linestyle=dashes, label=name)

@@ -10,6 +10,7 @@ import itertools
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from importlib import resources
 
 from ribbon_cli import digits
 
@@ -302,8 +303,6 @@ class ComparisonRow:
 
 def thesis_table() -> tuple[ReferenceDelta, ...]:
     """Table 3.1 of Koldaev (2022) as printed, from the data file shipped with the package."""
-    from importlib import resources  # only `convergence-table` needs it, and its import is slow
-
     text = resources.files("ribbon_cli.report").joinpath("data/table-3.1.csv").read_text(encoding="utf-8")
     lines = [line.split(",") for line in text.splitlines() if line and not line.startswith("#")]
     return tuple(ReferenceDelta(float(b), int(n), delta) for b, n, delta in lines[1:])
