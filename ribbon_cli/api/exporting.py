@@ -8,12 +8,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from ribbon_cli import export as exports
-from ribbon_cli import plot
+from ribbon_cli import plot, store
 from ribbon_cli.api.drawing import Named
 from ribbon_cli.api.names import EXPORT_FORMATS
 from ribbon_cli.api.targets import IN_PYTHON, OVERWRITE, check_target
 from ribbon_cli.errors import RibbonWarning, UsageError
-from ribbon_cli.store import Run, StateRecord, export_npz, suggest, typed, write_atomic
+from ribbon_cli.store import Run, StateRecord, suggest, typed, write_atomic
 from ribbon_cli.text import visible
 
 
@@ -69,7 +69,7 @@ def export(
     target = path or f"{named.stem}.{form}"
     check_target(target, overwrite, hint)
     if form == "npz":
-        export_npz(states[0], target, overwrite)
+        store.export_npz(states[0], target, overwrite)
         return Exported(form, (target,), states, warning=exports.words.contact_warning(states))
     writer = exports.formats.FORMATS[form]
     data = writer.write(states, _title(run, states), run.name if run else None, options)

@@ -8,7 +8,6 @@ from ribbon_cli import analysis, api, report, store
 from ribbon_cli.cli.output import complain, emit, emit_json, teller
 from ribbon_cli.cli.settings import Settings
 from ribbon_cli.errors import TargetError, UsageError
-from ribbon_cli.store.refs import names_state, no_equilibria
 
 
 def show_continuum(settings: Settings, ref: str) -> int:
@@ -20,7 +19,7 @@ def show_continuum(settings: Settings, ref: str) -> int:
     """
     if ref == "all":
         raise UsageError("--continuum needs a RUN or a STATE: name one (`ribbon ls` lists the runs)")
-    show = _show_state if names_state(ref) else _show_run
+    show = _show_state if store.names_state(ref) else _show_run
     document, text, uncertified = show(settings, ref)
     emit_json(document) if settings.json else emit(text)
     for name in uncertified:
@@ -46,7 +45,7 @@ def _show_run(settings: Settings, ref: str) -> tuple[dict[str, Any], str, list[s
     run = store.find_run(settings.root, ref)
     found = analysis.continuum_of_run(run)
     if not found:
-        raise UsageError(no_equilibria(run))
+        raise UsageError(store.refs.no_equilibria(run))
     tables = report.continuum.order_tables(found)
     followed = {state["label"] for state in run.states() if state.get("branch")}
     failed = [

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from difflib import get_close_matches
 
 from ribbon_cli.errors import UsageError
 
@@ -80,7 +81,6 @@ def near_miss(word: str, known: Iterable[str]) -> str | None:
     """The one of `known` that `word` was most likely meant to be, or None."""
     if len(word) > _SHOWN:
         return None
-    from difflib import get_close_matches
 
     matches = get_close_matches(word.lower(), list(known), n=1)
     return matches[0] if matches else None
