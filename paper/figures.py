@@ -17,6 +17,7 @@ from paper.claims import Check
 from paper.library import Library
 from paper.overturn import follow
 from paper.table import compare_with_thesis, texts, thesis_table
+from ribbon_cli.analysis import multiplier_curves
 from ribbon_cli.digits import fixed
 from ribbon_cli.export.fields import inflections
 from ribbon_cli.plot.curves import geometry_figure, multipliers_figure
@@ -24,11 +25,9 @@ from ribbon_cli.plot.levels import draw_spectra, spectrum_of
 from ribbon_cli.plot.pictures import Panel, shapes_figure
 from ribbon_cli.plot.style import STYLES
 from ribbon_cli.report.convergence import Entry
-from ribbon_cli.study import multiplier_curves
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
+    from ribbon_cli.plot.canvas import Figure
     from ribbon_cli.store import StateRecord
 
 STYLE = STYLES["paper"]
@@ -373,7 +372,7 @@ def _euclidean(states: Sequence[StateRecord]) -> list[tuple[int, np.ndarray]]:
 
 def _spectra(found: Mapping[str, Sequence[StateRecord]], metric: str) -> Figure:
     """Panels of Figure 3.14 by letter, in rows of two at one scale, in a metric."""
-    from matplotlib.figure import Figure
+    from ribbon_cli.plot.canvas import Figure
 
     rows, columns = -(-len(found) // 2), min(2, len(found))
     size = (STYLE.width * (0.55 if columns == 1 else 1.0), 0.42 * rows * STYLE.width)

@@ -282,7 +282,7 @@ def test_config_messages(inner, message):
     )
     with pytest.raises(ConfigError) as caught:
         parse_config(text, "a.yaml")
-    found = [f"{problem.field}: {problem.message}" for problem in caught.value.problems]
+    found = [f"{problem.field}: {problem.message}" for problem in caught.value.mistakes]
     assert any(message in line for line in found), found
 
 

@@ -15,8 +15,8 @@ from store_support import make_record, make_run, relative_files
 
 from ribbon_cli.config import dump_resolved, parse_config
 from ribbon_cli.store import Run, encode, write_atomic
-from ribbon_cli.study.repeat import by_command
 from ribbon_cli.study.steps import Steps
+from ribbon_cli.verify.reruns import by_command
 
 FROZEN = Path(__file__).parent / "data" / "format-1.0"
 NAME = "frozen-3b93991c"

@@ -13,6 +13,8 @@ import yaml
 from cli_support import QUICK_MOBIUS, QUICK_RING, ribbon, ribbon_json
 
 from ribbon_cli import load_state, solve
+from ribbon_cli.analysis import continuum_of, equilibrium_residuals, multiplier_curves
+from ribbon_cli.analysis.continuum import BALANCE, ENERGY, LIMITS, MULTIPLIERS, SEAM
 from ribbon_cli.errors import UsageError
 from ribbon_cli.report.continuum import (
     Continuum,
@@ -24,8 +26,6 @@ from ribbon_cli.report.continuum import (
     tables_text,
 )
 from ribbon_cli.store import encode
-from ribbon_cli.study import continuum_of, equilibrium_residuals, multiplier_curves
-from ribbon_cli.study.continuum import BALANCE, ENERGY, LIMITS, MULTIPLIERS, SEAM
 
 TABLES = {"run", "tables"}
 

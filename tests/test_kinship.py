@@ -8,13 +8,14 @@ from pathlib import Path
 import pytest
 from numeric_support import load
 
+from ribbon_cli.analysis import table_entries
 from ribbon_cli.config import parse_config
 from ribbon_cli.model.problem import Problem
 from ribbon_cli.report.convergence import convergence_rows
 from ribbon_cli.solver.continuation import to_segments
 from ribbon_cli.solver.kinship import another_minimum
 from ribbon_cli.solver.newton import Options, solve
-from ribbon_cli.study import refine_state, solve_config, table_entries
+from ribbon_cli.study import refine_state, solve_config
 
 SECOND = Path(__file__).parent.parent / "configs" / "paper" / "data" / "pi-b0.1-N50-second-minimum.npz"
 BOTH = f"""

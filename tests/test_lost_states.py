@@ -12,7 +12,8 @@ from ribbon_cli.config import parse_config
 from ribbon_cli.solver.status import Status
 from ribbon_cli.store import Run
 from ribbon_cli.store.log import format_line
-from ribbon_cli.study import judge_runs, solve_config, stepping
+from ribbon_cli.study import solve_config, stepping
+from ribbon_cli.verify import judge_runs
 
 SPECTRUM = "spectrum: {modes: 0, full_up_to: 0}\n"
 

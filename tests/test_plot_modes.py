@@ -11,6 +11,7 @@ from picture_support import solved, states_of  # noqa: F401
 from PIL import Image
 from store_support import make_summary
 
+from ribbon_cli.analysis import multiplier_curves, stability_of
 from ribbon_cli.errors import UsageError
 from ribbon_cli.export.mesh import facet_corners, is_closed
 from ribbon_cli.plot.branches import _stretches, arclength_figure
@@ -18,7 +19,6 @@ from ribbon_cli.plot.curves import multipliers_figure
 from ribbon_cli.plot.modes import LARGEST, STEPS, ModeShape, amplitude, displaced, mode_animation, mode_figure
 from ribbon_cli.plot.style import STYLES
 from ribbon_cli.store import BranchSummary
-from ribbon_cli.study import multiplier_curves, stability_of
 
 BAND = "mobius@b=0.2,N=48"
 STYLE = STYLES["paper"]

@@ -20,8 +20,8 @@ from ribbon_cli.store import Run, StateRecord, encode, write_atomic
 from ribbon_cli.store.layout import BRANCH, SPECTRUM, STATE
 from ribbon_cli.study.clock import Clock
 from ribbon_cli.study.records import Reached, build_record, multipliers_of, state_of
-from ribbon_cli.study.sameness import judge
-from ribbon_cli.study.verification import residuals
+from ribbon_cli.verify.recompute import residuals
+from ribbon_cli.verify.sameness import judge
 
 HOW = {"label", "stage", "parent", "parent_ref", "method", "newton_steps", "events", "message", "name"}
 """Fields that say how a state was reached, and where it stands: no part of what it is."""

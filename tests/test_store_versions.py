@@ -14,7 +14,7 @@ from store_support import relative_files
 from ribbon_cli.store import FORMAT_VERSION, Run, decode
 from ribbon_cli.store.folder import RUN_FORMAT_VERSION
 from ribbon_cli.store.preamble import head_version
-from ribbon_cli.study.verification import verify_record
+from ribbon_cli.verify.recompute import verify_record
 
 DATA = Path(__file__).parent / "data"
 VERSIONS = sorted(path.name.removeprefix("format-") for path in DATA.glob("format-*"))

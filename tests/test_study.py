@@ -230,7 +230,7 @@ def test_a_given_state_must_fit(tmp_path: Path, change: tuple[str, str], words: 
     text = "name: again\ntopology: {half_twists: 1}\n" + guess + "\nwidths: [0.35]\n"
     with pytest.raises(ConfigError, match=words) as caught:
         solve_config(config(text.replace(*change)), tmp_path)
-    (problem,) = caught.value.problems
+    (problem,) = caught.value.mistakes
     assert (problem.line, problem.column, problem.field) == (3, 24, "initial_guess.state")
     assert [p.name for p in tmp_path.iterdir() if p.name.startswith("again")] == []
 

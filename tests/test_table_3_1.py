@@ -8,9 +8,10 @@ from pathlib import Path
 import pytest
 
 from paper.table import compare_with_thesis, thesis_table
+from ribbon_cli.analysis import table_entries
 from ribbon_cli.config import SpectrumRequest, load_config
 from ribbon_cli.report.convergence import convergence_rows
-from ribbon_cli.study import Outcome, refine_state, solve_config, table_entries
+from ribbon_cli.study import Outcome, refine_state, solve_config
 
 CONFIGS = Path(__file__).parent.parent / "configs"
 WITHOUT_SPECTRA = SpectrumRequest(modes=0, full_up_to=0)

@@ -9,19 +9,20 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from ribbon_cli import api
 from ribbon_cli.api.extras import extra
 from ribbon_cli.api.tables import column_types, damage_in_words, flat
 from ribbon_cli.errors import StoreError, UsageError
+from ribbon_cli.store import Run, Summary
 from ribbon_cli.store.record import METRICS
 from ribbon_cli.store.refs import by_place, meant, no_equilibria
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
     from xarray import Dataset
 
-    from ribbon_cli.api.run import OpenRun
-    from ribbon_cli.store import Run, Summary
 
 _AXES = ("half_width", "segments")
 _LEFT_OUT = ("run", "kind", "events", *_AXES)
@@ -30,10 +31,9 @@ _LEFT_OUT = ("run", "kind", "events", *_AXES)
 Cell = tuple[int, ...]
 
 
-def dataset(run: OpenRun, grid: bool | None, modes: int) -> Dataset:
+def dataset(run: api.OpenRun, grid: bool | None, modes: int) -> Dataset:
     """The dataset that `OpenRun.to_xarray` describes."""
     xarray = extra("xarray", "run.to_xarray()")
-    import numpy as np
 
     if modes < 0:
         raise UsageError(f"modes: must be 0 or more, got {modes}")
@@ -79,8 +79,6 @@ def _facts(run: Run, chosen: Mapping[Cell, Summary], shape: Cell, grid: bool) ->
 
     `certified` alone is true or false: what is not there has no certificate. Other truth values are 1 and 0.
     """
-    import numpy as np
-
     rows = {place: flat(state, run.name) for place, state in chosen.items()}
     branches = any(state.branch for state in chosen.values())
     arrays: dict[str, NDArray[Any]] = {}
@@ -104,8 +102,6 @@ def _spectra(
     run: Run, chosen: Mapping[Cell, Summary], shape: Cell, modes: int
 ) -> tuple[NDArray[np.float64], NDArray[np.str_]]:
     """The lowest stored eigenvalues, rotations among them, and the names of their modes, by metric."""
-    import numpy as np
-
     stored = {place: run.load(state.label).spectra for place, state in chosen.items()}
     longest = max((len(s.values) for spectra in stored.values() for s in spectra), default=0)
     inner = (*shape, len(METRICS), min(modes, longest))

@@ -7,37 +7,29 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
-from ribbon_cli import digits
+from ribbon_cli import api, digits, export, plot
 from ribbon_cli.errors import RibbonError
-from ribbon_cli.export.words import MEETS_ITSELF, verdict
 from ribbon_cli.pages import html
-from ribbon_cli.plot.figure import reference, state_caption
-from ribbon_cli.store import content_sha256
+from ribbon_cli.store import Summary, content_sha256
 from ribbon_cli.text import visible
-
-if TYPE_CHECKING:
-    from ribbon_cli.api.run import OpenRun
-    from ribbon_cli.api.state import OpenState
-    from ribbon_cli.store import Summary
 
 SHOWN = 12
 """Most states that a run's display lists."""
 
 
-def state_text(state: OpenState) -> str:
+def state_text(state: api.OpenState) -> str:
     """A state in a line."""
     taken = f"; {state.choice}" if state.choice else ""
-    return visible(f"<state {state_caption((state,), state.run_name)}{taken}>")
+    return visible(f"<state {plot.figure.state_caption((state,), state.run_name)}{taken}>")
 
 
-def state_html(state: OpenState) -> str:
+def state_html(state: api.OpenState) -> str:
     """A state as a small table."""
     linking = "Tw + Wr" if state.seam_open else "Lk"
     rows: list[tuple[str, html.Cell]] = [
-        ("certificate", (verdict(state), _mark(state.certified and state.kind != "auxiliary"))),
-        ("self-contact", (MEETS_ITSELF, "no") if state.self_contact else "none"),
+        ("certificate", (export.words.verdict(state), _mark(state.certified and state.kind != "auxiliary"))),
+        ("self-contact", (export.words.MEETS_ITSELF, "no") if state.self_contact else "none"),
         ("b", f"{state.half_width:.10g}"),
         ("N", str(state.segments)),
         ("E", digits.energy(state.energy)),
@@ -49,11 +41,11 @@ def state_html(state: OpenState) -> str:
     ]
     if state.choice:
         rows.append(("taken", state.choice))
-    head = (f"state {reference(state, state.run_name)}", state.kind)
+    head = (f"state {plot.figure.reference(state, state.run_name)}", state.kind)
     return html.table(head, rows)
 
 
-def run_text(run: OpenRun) -> str:
+def run_text(run: api.OpenRun) -> str:
     """A run in a line."""
     try:
         states, lost = run.found()
@@ -62,7 +54,7 @@ def run_text(run: OpenRun) -> str:
     return visible(f"<run {run.name}: {_counts(states, len(run.entries()), len(lost))}; {run.path}>")
 
 
-def run_html(run: OpenRun) -> str:
+def run_html(run: api.OpenRun) -> str:
     """A run as a table of its equilibria, the last ones of many."""
     try:
         states, lost = run.found()
@@ -85,7 +77,7 @@ def _row(state: Summary) -> list[str | tuple[str, str]]:
         ("-" if energy is None else digits.energy(energy), "n"),
         state.status,
         "-" if linking is None else _number(linking),
-        (MEETS_ITSELF, "no") if state.self_contact else "none",
+        (export.words.MEETS_ITSELF, "no") if state.self_contact else "none",
         ("certified", "yes") if certified else ("no certificate", "no"),
     ]
 

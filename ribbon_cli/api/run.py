@@ -9,21 +9,18 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
-from ribbon_cli import study
+from ribbon_cli import analysis, api, plot
+from ribbon_cli import export as exports
 from ribbon_cli.api import display
-from ribbon_cli.api.datasets import dataset
 from ribbon_cli.api.drawing import Named, figure_of
 from ribbon_cli.api.exporting import Exported, export_to
 from ribbon_cli.api.opening import path_text, runs_text
-from ribbon_cli.api.state import OpenState
 from ribbon_cli.api.tables import as_found, damage_in_words, frame
 from ribbon_cli.errors import RibbonWarning, UsageError
-from ribbon_cli.export.formats import Options
 from ribbon_cli.store import Run, Summary, find_run, names_state, runs_root
 from ribbon_cli.store.refs import select
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
     from pandas import DataFrame
     from xarray import Dataset
 
@@ -80,16 +77,16 @@ class OpenRun(Run):
         for 0 no spectrum is read. Raises UsageError for a run without equilibria, StoreError for a damaged
         one, ImportError without xarray.
         """
-        return dataset(self, grid, modes)
+        return api.datasets.dataset(self, grid, modes)
 
     def convergence(self) -> Table:
         """Energies under refinement as in `ribbon convergence-table`: rows, and an extrapolation for each b.
 
         Raises StoreError for a damaged log.
         """
-        return study.run_table(self)
+        return analysis.run_table(self)
 
-    def at(self, b: float | None = None, N: int | None = None) -> OpenState:
+    def at(self, b: float | None = None, N: int | None = None) -> api.OpenState:
         """The equilibrium that RUN@b=...,N=... names in a command; either part may be left out.
 
         Of several it is the latest of the finest certified ones; `choice` of the state says which was taken.
@@ -103,10 +100,10 @@ class OpenRun(Run):
             warnings.warn(f"{self.name}: {choice}", RibbonWarning, stacklevel=2)
         return self.state(found.label, choice)
 
-    def state(self, label: int, choice: str = "") -> OpenState:
+    def state(self, label: int, choice: str = "") -> api.OpenState:
         """The state with a label, of whatever kind. Raises UsageError, StoreError."""
         label = operator.index(label)
-        return OpenState.of(self.load(label), self, self.state_path(label), choice)
+        return api.OpenState.of(self.load(label), self, self.state_path(label), choice)
 
     def plot(
         self,
@@ -119,7 +116,7 @@ class OpenRun(Run):
         width: float | None = None,
         title: str | None = None,
         caption: bool = True,
-    ) -> Figure:
+    ) -> plot.canvas.Figure:
         """A picture as by `ribbon plot`: a figure of matplotlib, which shows itself in notebooks.
 
         `kind` is geometry, multipliers, spectrum, convergence, branch or family; `beside` are further runs,
@@ -137,7 +134,7 @@ class OpenRun(Run):
         overwrite: bool = False,
     ) -> Exported:
         """Write the states of one N, by width, as vtkhdf or html. Raises UsageError, StoreError."""
-        return export_to(path, format, self._named(), Options(segments=segments), overwrite)
+        return export_to(path, format, self._named(), exports.formats.Options(segments=segments), overwrite)
 
     def _named(self) -> Named:
         """The run as a reference names it."""

@@ -7,12 +7,12 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from ribbon_cli.api.extras import extra
+from ribbon_cli.store import Run, Summary
 from ribbon_cli.store.layout import BRANCH, STATE
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-    from ribbon_cli.store import Run, Summary
 
 _TYPES = {"float64": "float64", "int64": "int64", "bool": "bool", "utf-8": "object"}
 _MAY_LACK = "Int64"

@@ -7,17 +7,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from ribbon_cli import digits
+from ribbon_cli import digits, study
 from ribbon_cli.export.words import MEETS_ITSELF
+from ribbon_cli.store import StateRecord, Summary
 from ribbon_cli.store.events import Event, Removed
+from ribbon_cli.study.status import Standing
 from ribbon_cli.text import ranges, visible
-
-if TYPE_CHECKING:
-    from ribbon_cli.store import StateRecord, Summary
-    from ribbon_cli.study import Course, PlannedStage, Target
-    from ribbon_cli.study.status import Standing
 
 MISSING = "-"
 
@@ -105,7 +102,7 @@ def states_table(states: Sequence[Summary], kinds: bool) -> str:
     return columns(heads, rows)
 
 
-def targets_table(targets: Iterable[Target], states: Mapping[int, Summary]) -> str:
+def targets_table(targets: Iterable[study.Target], states: Mapping[int, Summary]) -> str:
     """What came of each target; `states` holds the summaries by label."""
     rows = []
     for target in targets:
@@ -118,7 +115,7 @@ def targets_table(targets: Iterable[Target], states: Mapping[int, Summary]) -> s
     return columns(["b", "N", "label", *_FIGURES], rows)
 
 
-def branch_text(course: Course) -> str:
+def branch_text(course: study.Course) -> str:
     """A branch: its points in a table, then why it ends."""
     title = visible(f"{course.name}, from state {course.start}")
     why = visible(f"({course.reason}): {course.message}")
@@ -126,7 +123,7 @@ def branch_text(course: Course) -> str:
     return f"{title}\n{branch_table(course)}\n{end}" if course.points else f"{title}: {end}"
 
 
-def branch_table(course: Course) -> str:
+def branch_table(course: study.Course) -> str:
     """The points of a branch: label, type, b, E, index, lowest eigenvalue, Lk and contact."""
     rows = (
         [
@@ -216,7 +213,7 @@ def gathered(failures: Iterable[str]) -> list[str]:
     return [f"{'; '.join(group)}: {cause}" if cause else group[0] for cause, group in places.items()]
 
 
-def plan_table(stages: Sequence[PlannedStage], whole: bool) -> str:
+def plan_table(stages: Sequence[study.PlannedStage], whole: bool) -> str:
     """The stages of a plan; long series of one kind shortened to their ends unless `whole`."""
     rows: list[list[str]] = []
     for index, stage in enumerate(stages):
@@ -228,7 +225,7 @@ def plan_table(stages: Sequence[PlannedStage], whole: bool) -> str:
     return columns(["", "stage", "kind", "b", "N"], rows)
 
 
-def _inside(stages: Sequence[PlannedStage], index: int) -> bool:
+def _inside(stages: Sequence[study.PlannedStage], index: int) -> bool:
     """Whether a stage and two neighbours on either side are of one kind, other than equilibrium."""
     if not 2 <= index < len(stages) - 2 or stages[index].kind == "equilibrium":
         return False

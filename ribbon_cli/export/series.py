@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 from collections import Counter
-from typing import TYPE_CHECKING
 
 from ribbon_cli.errors import UsageError
+from ribbon_cli.store import Run, Summary
 from ribbon_cli.store.refs import by_place, meant, no_equilibria, same_width
-
-if TYPE_CHECKING:
-    from ribbon_cli.store import Run, Summary
 
 
 def latest(states: list[Summary]) -> list[Summary]:

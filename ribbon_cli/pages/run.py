@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from ribbon_cli import digits
+from ribbon_cli.analysis import multiplier_curves, run_table
 from ribbon_cli.errors import UsageError
 from ribbon_cli.export.series import branch, courses, finest, latest
 from ribbon_cli.export.words import MEETS_ITSELF
@@ -13,10 +12,7 @@ from ribbon_cli.plot.figure import image, state_caption
 from ribbon_cli.plot.kinds import Source, draw
 from ribbon_cli.plot.style import Style
 from ribbon_cli.report.tables import RENDERERS
-from ribbon_cli.study import multiplier_curves, run_table
-
-if TYPE_CHECKING:
-    from ribbon_cli.store import Run, StateRecord, Summary
+from ribbon_cli.store import Run, StateRecord, Summary
 
 SCREEN = Style("screen", 6.3, 8.0, 1.0, 0.35, 3.0, 130)
 """The look of `paper` with dots enough for a screen."""

@@ -5,20 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import groupby, pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
 
+from ribbon_cli.plot.canvas import Figure
 from ribbon_cli.plot.labels import legend_above, plain
 from ribbon_cli.plot.panels import panels
 from ribbon_cli.plot.style import INK, LIGHT_GREY, PALETTE, Style, branch_look, spread
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-    from matplotlib.lines import Line2D
-
-    from ribbon_cli.store import Summary
+from ribbon_cli.store import Summary
 
 LINES: dict[int | None, tuple[str, Any]] = {
     0: ("stable", "-"),
@@ -165,8 +162,6 @@ def mark_points(
 
 def _names(courses: Mapping[str, Sequence[Summary]], style: Style) -> list[Line2D]:
     """A legend's lines for branches, numbered where there are several."""
-    from matplotlib.lines import Line2D
-
     if len(courses) == 1:
         return [Line2D([], [], color=PALETTE[0], label=name, linewidth=2 * style.line) for name in courses]
     return [
@@ -176,8 +171,6 @@ def _names(courses: Mapping[str, Sequence[Summary]], style: Style) -> list[Line2
 
 def meanings(used: set[int | None], points: Sequence[Summary]) -> list[Line2D]:
     """A legend's lines for what dashes and open marks mean; of these only what is there."""
-    from matplotlib.lines import Line2D
-
     types = {p.branch.type for p in points if p.branch}
     lines = [
         Line2D([], [], color=INK, linestyle=dashes, label=name)

@@ -5,21 +5,30 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 from ribbon_cli.errors import UsageError
 from ribbon_cli.export.series import branch, courses, finest, latest, left_out, levels
+from ribbon_cli.plot.branches import arclength_figure
+from ribbon_cli.plot.canvas import Figure
+from ribbon_cli.plot.curves import Curve, geometry_figure, multipliers_figure
+from ribbon_cli.plot.figure import state_caption
+from ribbon_cli.plot.flat import pattern_figure
 from ribbon_cli.plot.labels import band_text, listed, panel_titles, run_texts, width_texts
+from ribbon_cli.plot.levels import (
+    branch_figure,
+    convergence_figure,
+    differences,
+    lowest_value,
+    spectrum_figure,
+)
+from ribbon_cli.plot.modes import ModeShape, mode_animation, mode_figure
+from ribbon_cli.plot.pictures import Panel, family_figure, letters_across, shape_figure, shapes_figure
+from ribbon_cli.plot.runs import MOST_RUNS, runs_figure
 from ribbon_cli.plot.style import MOST_LOOKS, Style, styled
+from ribbon_cli.report.convergence import Table
+from ribbon_cli.store import Run, StateRecord, Summary
 from ribbon_cli.store.refs import typed
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from ribbon_cli.plot.curves import Curve
-    from ribbon_cli.plot.modes import ModeShape
-    from ribbon_cli.report.convergence import Table
-    from ribbon_cli.store import Run, StateRecord, Summary
 
 T = TypeVar("T")
 
@@ -79,8 +88,6 @@ def animate(
     picture: Picture, source: Source, style: Style, caption: str | None, title: str | None = None
 ) -> bytes:
     """The picture of a mode as an animated GIF."""
-    from ribbon_cli.plot.modes import mode_animation
-
     assert picture.mode is not None
     with styled(style):
         return mode_animation(picture.states[0], picture.mode, style, caption, source.angles, title)
@@ -147,7 +154,6 @@ def _without(found: Sequence[float], chosen: Sequence[float]) -> str:
 
 
 def _shape(source: Source, style: Style) -> Picture:
-    from ribbon_cli.plot.pictures import Panel, letters_across, shape_figure, shapes_figure
 
     states = source.states
     if len(states) < 2:
@@ -159,7 +165,6 @@ def _shape(source: Source, style: Style) -> Picture:
 
 
 def _geometry(source: Source, style: Style) -> Picture:
-    from ribbon_cli.plot.curves import geometry_figure
 
     states, note = _several(source, "geometry")
     figure = geometry_figure(states, style, source.run_names)
@@ -167,7 +172,6 @@ def _geometry(source: Source, style: Style) -> Picture:
 
 
 def _multipliers(source: Source, style: Style) -> Picture:
-    from ribbon_cli.plot.curves import multipliers_figure
 
     states, note = _several(source, "multipliers")
     for record in states:
@@ -191,8 +195,6 @@ def _curves(source: Source, record: StateRecord) -> Sequence[Curve] | None:
 
 
 def _spectrum(source: Source, style: Style) -> Picture:
-    from ribbon_cli.plot.figure import state_caption
-    from ribbon_cli.plot.levels import spectrum_figure
 
     title = "Eigenvalues of the projected Hessian"
     if not source.whole_run:
@@ -222,7 +224,6 @@ def _refined(run: Run) -> tuple[StateRecord, ...]:
 
 
 def _convergence(source: Source, style: Style) -> Picture:
-    from ribbon_cli.plot.levels import convergence_figure, differences
 
     table = source.table(_run(source, "convergence"))
     found = list(differences(table))
@@ -233,7 +234,6 @@ def _convergence(source: Source, style: Style) -> Picture:
 
 
 def _branch(source: Source, style: Style) -> Picture:
-    from ribbon_cli.plot.levels import branch_figure, lowest_value
 
     run = _run(source, "branch")
     if source.beside:
@@ -266,9 +266,6 @@ def _is_first_contact(event: str) -> bool:
 
 def _followed(run: Run, followed: dict[str, list[Summary]], style: Style) -> Picture:
     """Branches that arclength continuation followed, around folds and over saddles."""
-    from ribbon_cli.plot.branches import arclength_figure
-    from ribbon_cli.plot.levels import lowest_value
-
     first = {points[0].label for points in followed.values() if points[0].branch is None}
     starts = {label: lowest_value(run.load(label), "rotation") for label in first}
     every = {p.label: p.branch.type for points in followed.values() for p in points if p.branch}
@@ -285,8 +282,6 @@ def _followed(run: Run, followed: dict[str, list[Summary]], style: Style) -> Pic
 
 def _runs(source: Source, style: Style) -> Picture:
     """Energies of several runs over the half-width."""
-    from ribbon_cli.plot.runs import MOST_RUNS, runs_figure
-
     runs = (_run(source, "branch"), *source.beside)
     if len({run.path.resolve() for run in runs}) < len(runs):
         raise UsageError("--with names a run that is there already")
@@ -311,7 +306,6 @@ def _runs(source: Source, style: Style) -> Picture:
 
 
 def _family(source: Source, style: Style) -> Picture:
-    from ribbon_cli.plot.pictures import family_figure
 
     run = _run(source, "family")
     records, note = _spread_out(run, source.segments, MOST_SHAPES)
@@ -319,7 +313,6 @@ def _family(source: Source, style: Style) -> Picture:
 
 
 def _mode(source: Source, style: Style) -> Picture:
-    from ribbon_cli.plot.modes import mode_figure
 
     record = _one(source, "mode")
     assert source.mode is not None
@@ -328,7 +321,6 @@ def _mode(source: Source, style: Style) -> Picture:
 
 
 def _pattern(source: Source, style: Style) -> Picture:
-    from ribbon_cli.plot.flat import pattern_figure
 
     record = _one(source, "pattern")
     return Picture(pattern_figure(record, style), "Fold pattern", (record,))

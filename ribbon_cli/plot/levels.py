@@ -4,23 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 
 from ribbon_cli.digits import powers, significant
 from ribbon_cli.errors import UsageError
+from ribbon_cli.plot.canvas import Figure
 from ribbon_cli.plot.labels import LEGEND_LINE, band_text, curve_labels, legend_above, width_texts
 from ribbon_cli.plot.panels import panels
 from ribbon_cli.plot.style import GREY, LIGHT_GREY, PALETTE, Style, line_look, marked_look
-from ribbon_cli.report.convergence import is_doubtful
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from ribbon_cli.report.convergence import Row, Table
-    from ribbon_cli.store import SpectrumRecord, StateRecord, Summary
+from ribbon_cli.report.convergence import Row, Table, is_doubtful
+from ribbon_cli.store import SpectrumRecord, StateRecord, Summary
 
 NEGATIVE = "#B00020"
 FEW_MODES = 40
@@ -51,8 +47,6 @@ def spectrum_figure(
     the runs of a single group's states where they are of several. Raises UsageError where a group has no
     spectrum.
     """
-    from ribbon_cli.plot.canvas import Figure
-
     for records in groups:
         if not any(spectrum_of(record, m) for m in METRIC_TITLES for record in records):
             raise UsageError(
@@ -175,8 +169,6 @@ def convergence_figure(table: Table, style: Style) -> Figure:
     which a logarithmic scale has no place for, are told in the legend. Raises UsageError where no half-width
     has two levels.
     """
-    from ribbon_cli.plot.canvas import Figure
-
     groups = differences(table)
     if not groups:
         raise UsageError(

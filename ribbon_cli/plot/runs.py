@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
 
 from ribbon_cli.plot.branches import draw_course, mark_points, meanings
+from ribbon_cli.plot.canvas import Figure
 from ribbon_cli.plot.labels import legend_above
 from ribbon_cli.plot.style import BRANCH_MARKERS, INK, Style, branch_look, spread
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from ribbon_cli.store import Summary
+from ribbon_cli.store import Summary
 
 Course = Sequence["Summary"]
 
@@ -36,10 +34,6 @@ def runs_figure(
     states, open ones without certificate, crosses those with self-contact; dashes tell how many directions
     lead down.
     """
-    from matplotlib.lines import Line2D
-
-    from ribbon_cli.plot.canvas import Figure
-
     figure = Figure(figsize=(style.across(0.72), style.row(0.5)), layout="constrained")
     axes = figure.subplots()
     used: set[int | None] = set()

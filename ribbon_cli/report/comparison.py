@@ -7,10 +7,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from ribbon_cli.store import Run, StateRecord, Summary
 from ribbon_cli.store.fields import flatten, is_provenance, value_shape
 
 if TYPE_CHECKING:
-    from ribbon_cli.store import Run, StateRecord, Summary
     from ribbon_cli.store.fields import Value
 
 _ORDER = ("/origin/label", "/origin/parent")
@@ -93,8 +95,6 @@ def _difference(one: Any, two: Any) -> float | None:
     """Largest absolute difference of two arrays of numbers; infinite where only one is finite, None if
     shapes differ.
     """
-    import numpy as np
-
     if one.shape != two.shape:
         return None
     a, b = one.astype(np.float64), two.astype(np.float64)

@@ -11,7 +11,11 @@ import re
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import h5py
+import numpy as np
+from h5py import h5a, h5ds, h5f, h5fd, h5g, h5o, h5p
 
 from ribbon_cli.errors import StoreError, UsageError
 from ribbon_cli.store import log
@@ -21,9 +25,6 @@ from ribbon_cli.store.folder import CONFIG, LOG, RESOLVED, STATES, place, state_
 from ribbon_cli.store.hdf5 import MAX_BYTES, PACK, UNREADABLE, check_dataset, read_bytes, text_attribute
 from ribbon_cli.store.hdf5 import write_text_attribute as write_text
 from ribbon_cli.store.run import Run
-
-if TYPE_CHECKING:
-    import h5py
 
 FORMAT = PACK
 FORMAT_VERSION = "1.1"
@@ -124,8 +125,6 @@ class _Sink(io.FileIO):
 
 def _create(sink: _Sink) -> h5py.h5f.FileID:
     """A new HDF5 file in a sink. Its driver's settings end here: freed after Python, they crash."""
-    from h5py import h5f, h5fd, h5p
-
     creation = h5p.create(h5p.FILE_CREATE)
     creation.set_obj_track_times(False)
     access = h5p.create(h5p.FILE_ACCESS)
@@ -136,9 +135,6 @@ def _create(sink: _Sink) -> h5py.h5f.FileID:
 
 def _write_to(run: Run, sink: _Sink) -> int:
     """Write the whole file. Raises OSError, StoreError."""
-    import h5py
-    from h5py import h5f, h5g, h5p
-
     entries = run.entries()
     lines = read_bytes(run.log_path)
     with h5py.File(_create(sink)) as file:
@@ -166,9 +162,6 @@ def _attach_scales(state: h5py.File, copy: h5py.Group) -> None:
 
     HDF5 copies an attachment as a reference to where the scale was in the other file, which leads nowhere.
     """
-    import h5py
-    from h5py import h5a, h5ds, h5o
-
     paths: list[bytes] = []
     h5o.visit(state.id, paths.append)
     copies = {path: h5o.open(copy.id, path) for path in paths}
@@ -187,8 +180,6 @@ def _attach_scales(state: h5py.File, copy: h5py.Group) -> None:
 
 def _write_file(file: h5py.File, name: str, data: bytes) -> None:
     """Put a file's bytes into a dataset."""
-    import numpy as np
-
     bytes_ = np.frombuffer(data, dtype=np.uint8)
     options: dict[str, Any] = {"chunks": (len(data),), "fletcher32": True} if data else {}
     file.create_dataset(f"{_FILES}/{name}", data=bytes_, track_times=False, **options)
@@ -236,7 +227,6 @@ def read_pack(path: Path) -> tuple[str, Iterator[tuple[str, bytes]]]:
 
 
 def _run_name(path: Path) -> str:
-    import h5py
 
     with h5py.File(path, "r") as file:
         if text_attribute(file, "format") != FORMAT:
@@ -253,7 +243,6 @@ def _run_name(path: Path) -> str:
 
 
 def _files(path: Path) -> Iterator[tuple[str, bytes]]:
-    import h5py
 
     try:
         with h5py.File(path, "r") as file:
@@ -278,8 +267,6 @@ def _files(path: Path) -> Iterator[tuple[str, bytes]]:
 
 def _read_file(file: h5py.File, name: str) -> bytes:
     """Bytes of a file in a pack. Raises ValueError for a dataset that is not plain bytes within the file."""
-    import h5py
-
     node: Any = file
     where = f"{_FILES}/{name}"
     for part in where.split("/"):

@@ -24,9 +24,9 @@ from ..store.events import BRANCH_END
 from .acceptance import checked, converged
 from .branch_tables import course_point, courses
 from .clock import Clock
+from .closed_branches import TURNING, repeated, turns
 from .outcome import Course
 from .records import multipliers_of, state_of
-from .repetition import TURNING, repeated, turns
 from .steps import Steps
 
 STATE_TYPES = {"width": "equilibrium"}

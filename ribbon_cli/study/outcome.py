@@ -6,6 +6,9 @@ from dataclasses import dataclass
 
 from ..store import Run
 
+ANOTHER = "another minimum"
+"""How the event of a refinement begins that ended in another minimum than it came from."""
+
 
 @dataclass(frozen=True)
 class Target:

@@ -13,12 +13,11 @@ from ..recipes.eversion import not_everted
 from ..store import Run, StateRecord, Summary, resolve_state
 from ..store.refs import meant, same_width
 from .journal import run_or_read
-from .outcome import Outcome, Target
+from .outcome import ANOTHER, Outcome, Target
 from .progress import Progress, Silence
 from .records import state_of
-from .resolved import resolved_config
+from .run_config import resolved_config
 from .steps import Steps
-from .table import ANOTHER
 
 _CONFIG_FACTS = ("git_revision", "git_dirty")
 """Facts on the config's repository."""

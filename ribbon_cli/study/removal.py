@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -11,7 +12,8 @@ from ..store import Run, Summary, typed
 from ..text import ranges
 from .branch_tables import courses
 from .outcome import Course
-from .repeat import by_command
+
+_CROSSING = re.compile(r"branch from (\d{1,12}) side ")
 
 
 @dataclass(frozen=True)
@@ -72,6 +74,17 @@ def remove(run: Run, removal: Removal, **request: Any) -> None:
         if removal_of(run, **request) != removal:
             raise UsageError(f"{run.name}: another process has changed it meanwhile: give the command again")
         run.remove_states(removal.labels, removal.branches)
+
+
+def by_command(stage: str, stages: Mapping[int, str]) -> bool:
+    """Whether a stage is one of `ribbon refine` or `ribbon continue`, and no config leads to it.
+
+    `stages` are those of the run by label: a branch that crosses another is of whoever asked for that one.
+    """
+    left = dict(stages)  # each is looked at once, whatever a log says
+    while crossing := _CROSSING.match(stage):
+        stage = left.pop(int(crossing[1]), "")
+    return stage.startswith(("state ", "from ", "branch from "))
 
 
 def _branch(run: Run, branches: Sequence[Course], number: int) -> Course:

@@ -19,8 +19,8 @@ from ..errors import UsageError
 from ..store import Run, Summary, configs
 from ..store.folder import is_run
 from ..store.refs import same_width
+from .config_changes import what_changed
 from .journal import run_or_read
-from .nearest import what_changed
 from .outcome import Course, Outcome, Target
 from .plan import (
     guess_notes,

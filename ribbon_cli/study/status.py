@@ -13,7 +13,7 @@ from ..store import Run, Summary
 from ..store.events import Ended, Event
 from ..store.lock import Holder
 from .plan import plan_of, start_name
-from .resolved import resolved_config
+from .run_config import resolved_config
 
 RUN_STATUSES = ("complete", "running", "waiting", "failed", "damaged", "unknown")
 """Words for a run as a whole: all targets certified; being written to; targets left; targets missed; ..."""

@@ -18,8 +18,8 @@ from ..model.splines import BandSpline
 from ..model.staggered import at_least, distance_to, facets, far_half, inflections, nodes
 from ..report.continuum import Continuum, Quantity
 from ..store import Run, StateRecord
-from .records import multipliers_of, state_of
-from .table import table_entries
+from ..study.records import multipliers_of, state_of
+from .energies import table_entries
 
 BETWEEN = 8
 """Points a facet at which fields are looked at between nodes and middles of facets."""

@@ -11,7 +11,7 @@ from ..solver.arclength import Tangent, point_at, product, tangent_from
 from ..solver.kkt import FactorisationError
 from ..solver.singular import lowest_mode
 from ..store import StateRecord
-from .records import multipliers_of
+from ..study.records import multipliers_of
 
 TANGENT = 1e-6
 """By how much a tangent, of length one, may be off."""

@@ -9,8 +9,8 @@ from ..errors import UsageError
 from ..report.convergence import Entry, Extrapolation, convergence_rows
 from ..store import Run, StateRecord
 from ..store.refs import no_equilibria
+from .energies import table_entries
 from .stability import DEFAULT_METRIC, Stability, stability_of
-from .table import table_entries
 
 DEFAULT_MODES = 6
 SPARE = 12

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from importlib.resources import files
+
 
 def templates() -> dict[str, str]:
     """The text of every template by name, in alphabetical order."""
-    from importlib.resources import files
-
     folder = files("ribbon_cli.config") / "templates"
     found = {
         file.name: file.read_text(encoding="utf-8")

@@ -47,10 +47,10 @@ from ..solver.newton import Options
 from ..solver.status import STATIONARY, Status
 from ..store import BranchRecord, Run, SpectrumRecord, StateRecord
 from ..store.refs import WIDTH_TOLERANCE
-from .branch_checks import OVERLAP, TANGENT, VALUE
-from .records import multipliers_of, state_of
-from .spectra_again import NOISE, RELATIVE
-from .verification import DERIVED, ENERGY, problem_of, residual_slack, residuals
+from ..study.records import multipliers_of, state_of
+from .branches import OVERLAP, TANGENT, VALUE
+from .recompute import DERIVED, ENERGY, problem_of, residual_slack, residuals
+from .spectra import NOISE, RELATIVE
 
 NEAR = 1e-7
 """Largest difference of two shapes that rounding may account for, with unit tangents; the root of rounding,

@@ -30,11 +30,10 @@ from ..solver.saddle_free import lagrangian_gradient
 from ..solver.status import STATIONARY, Result, Status
 from ..store import Run, StateRecord, find_run, list_runs, names_state, resolve_state
 from ..store.verification import Checked, Finding, check_file, check_folder, check_states
-from .branch_checks import check_branch
-from .constructions import constructed, in_two_pieces
-from .records import Reached, derive, multipliers_of, state_of
-from .spectra_again import check_values
-from .spectra_checks import check_spectra
+from ..study.constructions import constructed, in_two_pieces
+from ..study.records import Reached, derive, multipliers_of, state_of
+from .branches import check_branch
+from .spectra import check_spectra, check_values
 
 EPS = float(np.finfo(float).eps)
 ROUNDING = 256.0 * EPS

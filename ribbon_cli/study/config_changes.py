@@ -8,7 +8,7 @@ from typing import Any
 from ..config import Config
 from ..errors import RibbonError
 from ..store import Run, list_runs
-from .resolved import resolved_config
+from .run_config import resolved_config
 
 _MOST = 200
 """Most runs of one name that are looked at."""

@@ -6,12 +6,12 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 
+from ribbon_cli import analysis
+
 from ..report.convergence import Entry, Table, convergence_rows
 from ..store import Run, Summary
 from ..store.refs import by_place, meant, same_width
-
-ANOTHER = "another minimum"
-"""How the event of a refinement begins that ended in another minimum than it came from."""
+from ..study.outcome import ANOTHER
 
 
 def table_entries(run: Run) -> list[Entry]:
@@ -47,7 +47,8 @@ def _break(run: Run, states: Mapping[int, Summary], chosen: list[Entry], fine: E
         if found:
             return found
         if state.parent is None or state.parent not in states:
-            return _compared(run, coarse, fine)
+            # Only now is SciPy waited for.
+            return analysis.kinship.another_minimum(run, int(coarse.label or 0), int(fine.label or 0))
         state = states[state.parent]
         if state.label == coarse.label:
             return ""
@@ -63,15 +64,3 @@ def _entry(state: Summary) -> Entry:
 
 def _one_energy(a: float | None, b: float | None) -> bool:
     return a is not None and b is not None and math.isclose(a, b, rel_tol=1e-9)
-
-
-def _compared(run: Run, coarse: Entry, fine: Entry) -> str:
-    """The two states compared, where parentage does not tell: only then is SciPy waited for."""
-    from ..solver.kinship import another_minimum
-    from .acceptance import options_for
-    from .progress import Silence
-    from .records import state_of
-
-    records = [run.load(int(entry.label or 0)) for entry in (coarse, fine)]
-    options = options_for(records[0].half_twists, Silence())
-    return another_minimum(state_of(records[0]), state_of(records[1]), options)

@@ -23,7 +23,7 @@ from ..solver.newton import Options, inverted_facets
 from ..solver.spectra import Spectrum, full_spectra, lowest_spectrum
 from ..store import StateRecord, content_sha256
 from ..store.npz import UNKNOWN
-from .records import multipliers_of, state_of
+from ..study.records import multipliers_of, state_of
 from .verdict import Mode, Verdict, judge
 
 DEFAULT_METRIC = "physical"

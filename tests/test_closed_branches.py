@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from cli_support import ribbon, ribbon_json
 
-from ribbon_cli.study.repetition import repeated, turns
+from ribbon_cli.study.closed_branches import repeated, turns
 
 CONFIG = f"""\
 name: slide
