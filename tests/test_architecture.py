@@ -53,6 +53,8 @@ CLOSED = {
     "cli": {"model", "solver", "recipes"},  # holds no numerics
 }
 """Rooms of lower rank that a room keeps out of all the same."""
+OPENED = {("export", "ribbon_cli.model.staggered")}
+"""Modules of closed rooms that a room may import: pure formulas on stored arrays."""
 LONGEST, LONGEST_MEDIAN = 600, 220
 MOST_IMPORTS_INSIDE = 60
 
@@ -97,7 +99,8 @@ def test_imports_go_down(path: Path) -> None:
     for name in imported(path):
         there = room(name)
         assert there == here or RANKS[there] < RANKS[here], f"{here} must not import {name}"
-        assert there not in CLOSED.get(here, ()), f"{here} must not import {name}"
+        closed = there in CLOSED.get(here, ()) and (here, name) not in OPENED
+        assert not closed, f"{here} must not import {name}"
 
 
 @pytest.mark.parametrize("path", MODULES, ids=name_of)

@@ -133,7 +133,7 @@ class _Measure:
     def __init__(self, state: State, multipliers: Multipliers, tolerance: float) -> None:
         self.state, self.multipliers, self.tolerance = state, multipliers, tolerance
         self.band = state.band
-        self.inflections = inflections(self.band, geometry(state).kappa_s)
+        self.inflections = inflections(geometry(state).kappa_s, self.band.length, self.band.sigma)
         points = BETWEEN * self.band.segments
         self.between: Array = self.band.length / points * (np.arange(points, dtype=np.float64) + 0.5)
 
