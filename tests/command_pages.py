@@ -1,4 +1,7 @@
-"""The reference of commands, written from click: `python tests/command_pages.py > docs/reference/commands.md`."""
+"""The reference of commands, from click.
+
+`python tests/command_pages.py > docs/reference/commands.md` writes it.
+"""
 
 from __future__ import annotations
 
@@ -13,9 +16,9 @@ from ribbon_cli.cli.main import cli
 HEAD = """\
 # Commands
 
-`ribbon COMMAND -h` shows the same. Data go to standard output, progress and messages to standard error. STATE, RUN and
-REF are [references](references.md); CONFIG is the path of [a config](config.md). [Exit codes](exit-codes.md) are the same
-for all commands.
+`ribbon COMMAND -h` shows the same. Data go to standard output, progress and messages to standard error.
+STATE, RUN and REF are [references](references.md), CONFIG is the path of [a config](config.md).
+[Exit codes](exit-codes.md) are the same for all commands.
 """
 
 
