@@ -82,7 +82,8 @@ test-minimum: $(MINIMUM)/ready ## run the quick tests on the lowest supported ve
 		--ignore=tests/test_export_formats.py --ignore=tests/test_export_bands.py \
 		--ignore=tests/test_hdf5_readers.py --ignore=tests/test_api_door.py --ignore=tests/test_notebook.py \
 		--deselect "tests/test_docs.py::test_the_examples_run[docs/format.md]" \
-		--deselect "tests/test_docs.py::test_the_examples_run[docs/python.md]"
+		--deselect "tests/test_docs.py::test_the_examples_run[docs/python.md]" \
+		--deselect "tests/test_docs.py::test_the_examples_run[docs/tutorial.md]"
 
 test-package: $(READY_DEV) ## build wheel and sdist, install each in empty environments, solve there
 	@PACKAGE_PYTHONS="$(PACKAGE_PYTHONS)" $(BIN)/python -m pytest -m package -rs --durations=0 \

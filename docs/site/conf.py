@@ -38,6 +38,9 @@ exclude_patterns = [
     "tests",
 ]
 highlight_language = "none"
+# In docstrings `this` is code, and -- an option.
+default_role = "code"
+smartquotes = False
 
 myst_heading_anchors = 4
 myst_url_schemes = ["https", "http"]

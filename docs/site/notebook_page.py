@@ -61,7 +61,10 @@ def page(document: dict[str, Any]) -> str:
     import matplotlib
 
     matplotlib.use("agg")
-    before, names, parts = Path.cwd(), {}, []
+    before = Path.cwd()
+    names: dict[str, Any] = {}
+    parts: list[str] = []
+    os.environ.pop("RIBBON_RUNS", None)
     with tempfile.TemporaryDirectory() as folder:
         os.chdir(folder)
         try:
