@@ -15,7 +15,7 @@ import pytest
 DOCS = Path(__file__).parent.parent / "docs"
 sys.path.insert(0, str(DOCS / "site"))
 
-from notebook_page import run_cell
+from notebook_page import run_cell  # noqa: E402
 
 NOTEBOOK = DOCS / "notebook.ipynb"
 
