@@ -30,40 +30,22 @@ help: ## list the targets
 setup: $(READY) ## make .venv with ribbon in it: .venv/bin/ribbon
 
 table-3.1: setup ## solve the pi-bands of Table 3.1 and print it beside the published numbers
-	@$(BIN)/ribbon solve configs/mobius-pi-second-minimum.yaml > /dev/null
-	@$(BIN)/ribbon convergence-table configs/mobius-pi.yaml --thesis \
-		--second-minimum mobius-pi-second-minimum@b=0.1,N=50
+	@$(BIN)/python -m paper $@
 
-# Both rules side by side: all Euclidean eigenvalues, then the lowest physical ones over N.
-STUDIED := ring ring-value-average mobius-pi-coarse mobius-pi-coarse-value-average
 checkerboard: setup ## spectra of Figure 3.14 under both rules, and the physical ones that converge
-	@for name in $(STUDIED); do \
-		$(BIN)/ribbon -q solve configs/$$name.yaml > /dev/null && echo "== $$name" && \
-		$(BIN)/ribbon spectrum $$name --full --metric euclidean && \
-		$(BIN)/ribbon spectrum $$name --convergence || exit; \
-	done
+	@$(BIN)/python -m paper $@
 
-# The branches of docs/everted-cylinder.md, from stored recipes to contact.
-EVERTED := 40 80 160 320 640 40a 80a 80b 80c 160a $(addsuffix -value-average,40 80 160 320)
 everted-cylinder: setup ## follow the branches of the everted cylinder: where it is stable, where not
-	@for n in $(EVERTED); do $(BIN)/ribbon solve configs/everted-branch-$$n.yaml || exit $$?; done
-	@for n in 40 80 160 320; do \
-		$(BIN)/ribbon continue "everted-branch-$$n@b=0.3,N=$$n" --to 1.0 --arclength --stop-at contact || exit $$?; \
-	done
+	@$(BIN)/python -m paper $@
 
-# The two families of docs/everted-moebius.md, from stored saddles; the second to contact.
-EVERTED_MOEBIUS := $(foreach family,a b,$(addprefix $(family)-,80 160 320 640 80-value-average 160-value-average 320-value-average))
 everted-moebius: setup ## follow the branches of everted Moebius bands, saddles all along
-	@for name in $(EVERTED_MOEBIUS); do $(BIN)/ribbon solve configs/everted-moebius-$$name.yaml || exit $$?; done
-	@for n in 80 160 320; do \
-		$(BIN)/ribbon continue "everted-moebius-b-$$n@b=0.3,N=$$n" --to 1.0 --arclength --stop-at contact || exit $$?; \
-	done
+	@$(BIN)/python -m paper $@
 
 paper: setup ## make every figure and table of chapter 3 and check its claims: runs/paper/index.html
-	@$(BIN)/python -m ribbon_cli.paper
+	@$(BIN)/python -m paper
 
 $(FIGURES): setup
-	@$(BIN)/python -m ribbon_cli.paper $@
+	@$(BIN)/python -m paper $@
 
 gallery: setup ## draw the pictures of the documentation: docs/gallery/
 	@sh docs/gallery/draw.sh $(BIN)/ribbon
@@ -156,10 +138,12 @@ $(READERS)/ready: tests/readers/package.json
 	@npm install --prefix tests/readers --no-package-lock --no-audit --no-fund --loglevel=error > /dev/null
 	@touch $@
 
-# pip compiles what it installs, but not a package that stays where it is: its commands would start later.
+# Compiled here: on all cores, and with the package itself, which stays where it is and which pip would leave
+# as it is, so that its commands would start later. What does not compile is no module that anyone imports.
 comma := ,
 define install
-$(PIP) install --editable $(1) && $(BIN)/python -m compileall -q ribbon_cli
+$(PIP) install --no-compile --editable $(1) && \
+	{ $(BIN)/python -m compileall -qq -j 0 $(VENV)/lib ribbon_cli > /dev/null || true; }
 endef
 
 # A virtual environment, unless a working one is there; the interpreter is checked before it is used.

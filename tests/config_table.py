@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from typing import Any
 
+from ribbon_cli.config.json_schema import schema
 from ribbon_cli.config.keys import Either, Flag, Integer, Items, Key, Number, Section, Takes, Word
-from ribbon_cli.config.schema import schema
 from ribbon_cli.config.table import CONFIG
 
 

@@ -19,11 +19,14 @@ from pathlib import Path
 
 import command_pages
 import pytest
-from cli_support import environment, ribbon
+from cli_support import environment
 
-from ribbon_cli import errors
+from paper.table import compare_with_thesis, texts, thesis_table
+from ribbon_cli import errors, load_state
+from ribbon_cli import open as open_run
 from ribbon_cli.config import RECIPES, SpectrumRequest, load_config, parse_config
 from ribbon_cli.config.table import CONFIG
+from ribbon_cli.report.convergence import Entry
 from ribbon_cli.solver.status import Status
 from ribbon_cli.store.layout import BRANCH, SPECTRUM, STATE
 from ribbon_cli.study import solve_config
@@ -147,13 +150,12 @@ def test_table_3_1_is_what_the_command_prints(tmp_path: Path) -> None:
     config = replace(config, widths=(0.1, 0.2, 0.5), spectrum=SpectrumRequest(0, 0))
     config = replace(config, refinement=replace(config.refinement, at=(0.1, 0.5)))
     solve_config(config, tmp_path)
-    solve_config(load_config(ROOT / "configs" / "mobius-pi-second-minimum.yaml"), tmp_path)
-    other = "mobius-pi-second-minimum@b=0.1,N=50"
-    printed = ribbon(
-        "--runs", tmp_path, "convergence-table", "mobius-pi", "--thesis", "--second-minimum", other
-    )
-    assert printed.exit_code == 0
-    assert set(shown) <= {" ".join(line.split()) for line in printed.stdout.splitlines()}
+    solve_config(load_config(ROOT / "configs" / "paper" / "mobius-pi-second-minimum.yaml"), tmp_path)
+    second = load_state("mobius-pi-second-minimum@b=0.1,N=50", tmp_path)
+    entry = Entry(second.half_width, second.segments, second.energy, second.certified, second.label)
+    table = open_run("mobius-pi", tmp_path).convergence()
+    printed = texts(table, compare_with_thesis(table, thesis_table(), entry))["txt"]
+    assert set(shown) <= {" ".join(line.split()) for line in printed.splitlines()}
     assert len(shown) > 10
 
 

@@ -30,10 +30,10 @@ from ribbon_cli.config import (
     templates,
 )
 from ribbon_cli.config.document import Node
+from ribbon_cli.config.json_schema import schema
 from ribbon_cli.config.keys import Integer, Text
-from ribbon_cli.config.problems import Problems
+from ribbon_cli.config.mistakes import Mistakes
 from ribbon_cli.config.reader import Reader
-from ribbon_cli.config.schema import schema
 from ribbon_cli.expression import PATTERN, ExpressionError, evaluate
 
 ROOT = Path(__file__).parent.parent
@@ -264,7 +264,7 @@ def test_bounds_are_the_same_to_both(path: str) -> None:
             texts += [str(n) for n in (takes.low - 1, takes.low, takes.high, takes.high + 1)]
         for text in texts:
             try:
-                value = Reader(Problems("")).read(Node(1, 1, "scalar", text), path, takes)
+                value = Reader(Mistakes("")).read(Node(1, 1, "scalar", text), path, takes)
             except TypeError:
                 return
             loaded: Any = yaml.load(text, Yaml12)

@@ -9,18 +9,14 @@ over.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ribbon_cli.export.mesh import FACET_FIELDS, ODD_FIELDS, field_values, is_closed
+from ribbon_cli.store import StateRecord
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from ribbon_cli.store import StateRecord
-
-    Array = NDArray[np.float64]
+Array = NDArray[np.float64]
 
 FLAT = 1e-6
 """Curvature, relative to the ring's 2 pi/l, below which a sign is rounding."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy
 
 from .band import Array, Band
 
@@ -15,11 +16,12 @@ class BandSpline:
     """
 
     def __init__(self, band: Band, values: Array, offset: float, sign: int) -> None:
-        from scipy.interpolate import CubicSpline  # here: loading it takes longer than most commands
 
         whole = values if sign > 0 else np.concatenate((values, -values))
         knots = band.h * (np.arange(len(whole) + 1) + offset)
-        self._spline = CubicSpline(knots, np.concatenate((whole, whole[:1])), bc_type="periodic")
+        self._spline = scipy.interpolate.CubicSpline(
+            knots, np.concatenate((whole, whole[:1])), bc_type="periodic"
+        )
         self._start = knots[0]
         self._period = knots[-1] - knots[0]
 

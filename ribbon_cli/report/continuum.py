@@ -1,6 +1,6 @@
 """How far discrete bands are from the continuum, and at which order they approach it: values, tables, text.
 
-`ribbon_cli.study.continuum` fills these; they know no state and compute nothing but orders.
+`ribbon_cli.analysis.continuum` fills these; they know no state and compute nothing but orders.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from ribbon_cli.digits import fixed
+from ribbon_cli.store.refs import same_width
 
 MISSING = "-"
 
@@ -84,9 +85,7 @@ def order_tables(states: Iterable[Continuum]) -> tuple[OrderTable, ...]:
     """A table for each half-width, in the order of first appearance; one state for each N."""
     groups: list[list[Continuum]] = []
     for state in states:
-        group = next(
-            (g for g in groups if math.isclose(g[0].half_width, state.half_width, rel_tol=1e-9)), None
-        )
+        group = next((g for g in groups if same_width(g[0].half_width, state.half_width)), None)
         if group is None:
             groups.append([state])
         else:

@@ -11,7 +11,7 @@ from ..recipes.eversion import EversionStage
 from ..recipes.twist import TwistStage
 from ..solver.newton import Options, solve
 from ..solver.status import Result, Status
-from ..store import StateRecord
+from ..store import Summary
 from .plan import MOST_HALVINGS
 from .records import multipliers_of, state_of
 from .remedies import remedied
@@ -33,9 +33,9 @@ class Turning:
     word: str
     between: Callable[[float], Stage]
 
-    def run(self, stages: Iterable[Stage]) -> StateRecord | str:
+    def run(self, stages: Iterable[Stage]) -> Summary | str:
         """Solve or load all of them; the last one's state, or a sentence why it was not reached."""
-        record: StateRecord | None = None
+        record: Summary | None = None
         # The eversion's first stage turns nothing, and has no step to halve.
         reached: float | None = None if self.word == "eversion" else 0.0
         for goal in stages:
@@ -48,8 +48,8 @@ class Turning:
         return record
 
     def _towards(
-        self, goal: Stage, record: StateRecord | None, reached: float | None
-    ) -> tuple[StateRecord, float] | str:
+        self, goal: Stage, record: Summary | None, reached: float | None
+    ) -> tuple[Summary, float] | str:
         """Turn to a stage, or as far as halving leads; what was reached, or a sentence why nothing was."""
         stages = [goal]
         if reached is not None:
@@ -64,7 +64,7 @@ class Turning:
         for stage in stages:
             self._begin(stage)
             kept = self._solved(stage, record, failures)
-            if isinstance(kept, StateRecord):
+            if isinstance(kept, Summary):
                 return kept, stage.index
             if reached is None:
                 return remedied(f"{stage.name}: {kept.message}", kept.status, STEPS)
@@ -79,8 +79,9 @@ class Turning:
     def _begin(self, stage: Stage) -> None:
         self.steps.begin(stage.name, self.ring.band.half_width, self.ring.band.segments)
 
-    def _solved(self, stage: Stage, record: StateRecord | None, failures: list[str]) -> StateRecord | Result:
+    def _solved(self, stage: Stage, stored: Summary | None, failures: list[str]) -> Summary | Result:
         """Solve a stage from the one before and store it; the result alone where it is no minimum."""
+        record = None if stored is None else self.steps.journal.load(stored)
         state = self.ring if record is None else state_of(record)
         multipliers = None if record is None else multipliers_of(record)
         clock = self.steps.journal.clock()

@@ -19,13 +19,14 @@ from ..solver.branch import Advance, BranchOptions, End, Reason, advance
 from ..solver.branch_events import Event
 from ..solver.branch_switch import switch
 from ..solver.singular import lowest_mode, with_multipliers
-from ..store import BranchRecord, StateRecord, summary
+from ..store import BranchRecord, StateRecord, Summary
+from ..store.events import BRANCH_END
 from .acceptance import checked, converged
-from .branch_tables import ENDED, course_point, courses
+from .branch_tables import course_point, courses
 from .clock import Clock
+from .closed_branches import TURNING, repeated, turns
 from .outcome import Course
 from .records import multipliers_of, state_of
-from .repetition import TURNING, repeated, turns
 from .steps import Steps
 
 STATE_TYPES = {"width": "equilibrium"}
@@ -119,7 +120,7 @@ class Branches:
             end = self._end_at(event, base)
             if end is not None:
                 return None, known[: j + 1], end
-        stored = self.journal.finished(stage)
+        stored = self._finished(stage)
         if whole and stored is not None and self.options.low <= stored.half_width <= self.options.high:
             return _place(stored), known, None
         self.steps.begin(stage, base.half_width, base.segments)
@@ -148,9 +149,14 @@ class Branches:
         return (None if record is None else _place(record)), events, end
 
     def _stored(self, stage: str) -> StateRecord:
-        record = self.journal.finished(stage)
+        record = self._finished(stage)
         assert record is not None
         return record
+
+    def _finished(self, stage: str) -> StateRecord | None:
+        """All of the state that ended a stage, if it is stored: a branch goes on from its tangent."""
+        state = self.journal.finished(stage)
+        return None if state is None else self.journal.load(state)
 
     def _store_event(
         self, stage: str, found: tuple[str, Event], place: _Place, taken: Advance, clock: Clock
@@ -158,7 +164,7 @@ class Branches:
         """Store what was met within a step, unless it is stored; an end as in `_store`."""
         word, event = found
         name = f"{stage}, {word}"
-        known = self.journal.finished(name)
+        known = self._finished(name)
         if known is not None:
             return known, None
         branch = self._branch_record(
@@ -190,7 +196,7 @@ class Branches:
             return None, End(Reason.STEP_TOO_SMALL, parent.half_width, result.message)
         if event is not None:
             self.journal.note(f"{branch.name}: {_sentence(event)}")
-        record = self.steps.store(
+        state = self.steps.store(
             point.problem,
             result,
             clock,
@@ -201,7 +207,7 @@ class Branches:
             events=tuple(remarks),
             branch=branch,
         )
-        return record, None
+        return self.journal.load(state), None
 
     def _branch_record(
         self,
@@ -253,7 +259,7 @@ class Branches:
 
     def _finish(self, name: str, start: StateRecord, met: Sequence[StateRecord], end: End) -> None:
         """Keep the branch's course, and its end in the run's log."""
-        points = tuple(course_point(summary(record)) for record in met)
+        points = tuple(course_point(Summary.of(record)) for record in met)
         course = Course(
             name,
             start.label,
@@ -277,14 +283,14 @@ class Branches:
         if known is None or any(
             getattr(known, key) != noted[key] for key in ("reason", "half_width", "message")
         ):
-            self.journal.log(ENDED, **noted)
+            self.journal.log(BRANCH_END, **noted)
 
     # --- other branches ---
 
     def _switch(self, record: StateRecord, side: int, name: str, depth: int) -> None:
         """Follow the branch that crosses at a stored branch point, to one side."""
         stage = f"{name}, step 1"
-        first = self.journal.finished(stage)
+        first = self._finished(stage)
         if first is None:
             self.steps.begin(stage, record.half_width, record.segments)
             clock = self.journal.clock()

@@ -16,7 +16,7 @@ from ..model.topology import linking_number
 from ..recipes.eversion import Pieces, eversion_stage, eversion_stages, rejoined, turned
 from ..recipes.schoenke import schoenke
 from ..solver.status import Result, Status
-from ..store import StateRecord
+from ..store import Summary
 from .auxiliary import Turning
 from .clock import Clock
 from .plan import CONSTRUCTION, QUARTERS, turn_names
@@ -24,7 +24,7 @@ from .records import Reached, state_of
 from .steps import Steps
 
 
-def evert(steps: Steps, ring: State, count: int) -> StateRecord | str:
+def evert(steps: Steps, ring: State, count: int) -> Summary | str:
     """Run or load the auxiliary stages; the rejoined band, or a sentence why it was not reached."""
     segments = ring.band.segments
     turning = Turning(steps, ring, "eversion", lambda index: eversion_stage(segments, index, count))
@@ -32,9 +32,9 @@ def evert(steps: Steps, ring: State, count: int) -> StateRecord | str:
     return last if isinstance(last, str) else _join(steps, last)
 
 
-def _join(steps: Steps, last: StateRecord) -> StateRecord:
+def _join(steps: Steps, last: Summary) -> Summary:
     """The band cut, half of it turned step by step, and joined again: constructions, nothing is solved."""
-    state, record = state_of(last), last
+    state, record = state_of(steps.journal.load(last)), last
     joined = rejoined(state)
     for k, stage in enumerate(turn_names()):
         steps.begin(stage, last.half_width, last.segments)
@@ -78,7 +78,7 @@ def in_two_pieces(joined: State, pieces: Pieces) -> dict[str, Any]:
     }
 
 
-def construct(steps: Steps, band: Band, half_twists: int) -> StateRecord | str:
+def construct(steps: Steps, band: Band, half_twists: int) -> Summary | str:
     """Make or load the n-inflection construction; a sentence where the mesh is too coarse for it."""
     steps.begin(CONSTRUCTION, band.half_width, band.segments)
     known = steps.journal.finished(CONSTRUCTION)
@@ -105,7 +105,7 @@ def _store(
     method: str,
     parent: int | None,
     changes: Mapping[str, Any] | None = None,
-) -> StateRecord:
+) -> Summary:
     """Store a state that was made and not solved for; its multipliers are not numbers."""
     problem, made = Problem(state.band), constructed(state)
     reached = Reached(problem, made, "auxiliary", stage, method, steps.half_twists, parent)

@@ -15,7 +15,7 @@ from ..model.band import Array, State
 from ..model.contact import Contact, self_contact
 from ..solver.continuation import Move, to_width
 from ..solver.status import Result, Status
-from ..store import StateRecord
+from ..store import Summary
 from .records import multipliers_of, state_of
 from .steps import Steps
 
@@ -51,7 +51,7 @@ class _End:
 
 
 def locate_contact(
-    steps: Steps, before: StateRecord, after: StateRecord, levels: Sequence[int]
+    steps: Steps, before: Summary, after: Summary, levels: Sequence[int]
 ) -> tuple[FirstContact, ...]:
     """Locate the contact that begins (or ends) between two states of a branch, then on finer `levels`.
 
@@ -63,7 +63,7 @@ def locate_contact(
     stage = f"contact between b = {before.half_width:.12g} and b = {after.half_width:.12g}"
     record = steps.journal.finished(stage)
     if record is None:
-        record = _bisect(steps, _end(free), _end(touching), stage, free.label)
+        record = _bisect(steps, _end(steps, free), _end(steps, touching), stage, free.label)
     found = [] if record is None else [record]
     side = math.copysign(1.0, free.half_width - touching.half_width)
     for n in levels if record is not None else ():
@@ -77,7 +77,8 @@ def locate_contact(
     return out
 
 
-def _end(record: StateRecord) -> _End:
+def _end(steps: Steps, stored: Summary) -> _End:
+    record = steps.journal.load(stored)
     state = state_of(record)
     return _End(state, multipliers_of(record), _contact(state))
 
@@ -98,7 +99,7 @@ def _solved(steps: Steps, start: _End, half_width: float, stage: str) -> _End | 
     return _End(result.state, result.multipliers, _contact(result.state), move, result)
 
 
-def _bisect(steps: Steps, free: _End, touching: _End, stage: str, parent: int) -> StateRecord | None:
+def _bisect(steps: Steps, free: _End, touching: _End, stage: str, parent: int) -> Summary | None:
     """Halve the bracket to `WITHIN` from its free end, whose label is `parent`; store its touching end."""
     clock = steps.journal.clock()
     within = WITHIN * free.state.band.length / (2.0 * math.pi)
@@ -137,7 +138,7 @@ def _bisect(steps: Steps, free: _End, touching: _End, stage: str, parent: int) -
     )
 
 
-def _on_level(steps: Steps, coarse: StateRecord, n: int, stage: str, side: float) -> StateRecord | None:
+def _on_level(steps: Steps, coarse: Summary, n: int, stage: str, side: float) -> Summary | None:
     """First contact on a finer level, bracketed by steps from the coarser one's width.
 
     `side` is the sign of the widths without contact, seen from those with it.
@@ -150,7 +151,7 @@ def _on_level(steps: Steps, coarse: StateRecord, n: int, stage: str, side: float
     if isinstance(refined, str) or not refined.certified:
         steps.journal.note(refined if isinstance(refined, str) else f"{name}: {refined.message}")
         return None
-    here = _end(refined)
+    here = _end(steps, refined)
     step = SEARCH * refined.length / (2.0 * math.pi)
     for _ in range(MOST_SEARCHES):
         towards = side if here.contact.contact else -side

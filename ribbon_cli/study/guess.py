@@ -12,7 +12,7 @@ from ..recipes.twist import twist_stage, twist_stages
 from ..solver.arclength import nearest
 from ..solver.newton import solve
 from ..solver.status import Result
-from ..store import StateRecord
+from ..store import Summary
 from .acceptance import converged
 from .auxiliary import Turning
 from .constructions import construct, evert
@@ -23,7 +23,7 @@ from .remedies import remedied
 from .steps import Steps
 
 
-def freed_guess(steps: Steps, config: Config, given: Given | None) -> StateRecord | str:
+def freed_guess(steps: Steps, config: Config, given: Given | None) -> Summary | str:
     """Run or load the stages up to the freed guess, certified or not; a sentence if it is not reached.
 
     `given` is the state that the config starts from.
@@ -51,10 +51,14 @@ def freed_guess(steps: Steps, config: Config, given: Given | None) -> StateRecor
             made, method = evert(steps, ring, count), "rejoined band freed"
         else:
             made, method = _twisted(steps, ring, config.half_twists, count), "seam closed and freed"
-    return made if isinstance(made, str) else _freed(steps, config, state_of(made), made.label, method)
+    return (
+        made
+        if isinstance(made, str)
+        else _freed(steps, config, state_of(steps.journal.load(made)), made.label, method)
+    )
 
 
-def _twisted(steps: Steps, ring: State, half_twists: int, count: int) -> StateRecord | str:
+def _twisted(steps: Steps, ring: State, half_twists: int, count: int) -> Summary | str:
     """The band twisted step by step, or a sentence why that failed."""
     turning = Turning(steps, ring, "twist", lambda index: twist_stage(half_twists, index, count))
     return turning.run(twist_stages(half_twists, count))
@@ -67,7 +71,7 @@ def _freed(
     parent: int | None,
     method: str,
     given: Given | None = None,
-) -> StateRecord | str:
+) -> Summary | str:
     """The equilibrium next to a guess, saddles on the way left; a sentence where the solve ends in none."""
     stage, band = start_name(config), state.band
     steps.begin(stage, band.half_width, band.segments)

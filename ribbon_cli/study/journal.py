@@ -6,14 +6,15 @@ the same bytes as one that was not. What it takes to compute a stage is imported
 
 from __future__ import annotations
 
+from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from ..errors import LockedError, StoreError
-from ..store import Run, StateRecord
-from ..store.events import removed
+from ..store import Run, StateRecord, Summary
+from ..store.events import Ended, Lost, removed
 from ..store.provenance import config_facts
 from .clock import Clock, Origin
 from .outcome import Outcome
@@ -23,6 +24,9 @@ if TYPE_CHECKING:
     from ..config import SpectrumRequest
     from ..solver.status import SaddleMet
     from .records import Reached
+
+_RECENT = 8
+"""States whose arrays are kept in memory after they were committed: the next stages begin at one of these."""
 
 
 class NotStoredError(Exception):
@@ -61,33 +65,38 @@ class Journal:
         self._argv, self._origin = argv, origin
         self._config = config_facts(run.path)
         self._ends: dict[str, int] = {}
-        self._saddles: dict[str, int] = {}
+        self._saddles = Counter[str]()
+        self._recent = deque[StateRecord](maxlen=_RECENT)
         self._lost = _lost_stages(run)
         for remark in run.remarks:
             self.note(remark)
-        for label, entry in sorted(run.entries().items()):
-            state = entry["state"]
-            if state["kind"] == "saddle":
-                self._saddles[state["stage"]] = self._saddles.get(state["stage"], 0) + 1
+        for label, entry in run.entries().items():
+            if entry.state.kind == "saddle":
+                self._saddles[entry.state.stage] += 1
             else:
-                self._ends.setdefault(state["stage"], label)
+                self._ends.setdefault(entry.state.stage, label)
 
     def has(self, stage: str) -> bool:
         """Whether the state that ended a stage is stored."""
         return stage in self._ends
 
-    def finished(self, stage: str) -> StateRecord | None:
-        """The state that ended a stage, if it is stored."""
+    def finished(self, stage: str) -> Summary | None:
+        """The state that ended a stage, if it is stored: `load` reads what a stage is computed from."""
         label = self._ends.get(stage)
         return None if label is None else self.run.look_up(label)
 
-    def ancestry(self, stage: str) -> list[StateRecord]:
+    def load(self, state: Summary) -> StateRecord:
+        """All of a stored state; one that was committed of late is at hand. Raises StoreError."""
+        at_hand = (record for record in self._recent if record.label == state.label)
+        return next(at_hand, None) or self.run.load(state.label)
+
+    def ancestry(self, stage: str) -> list[Summary]:
         """The states that led to a stage's end, the first of them first and that end last.
 
         Empty where one of them is not stored. A parent's label is smaller than its child's.
         """
         label, entries = self._ends.get(stage), self.run.entries()
-        line: list[StateRecord] = []
+        line: list[Summary] = []
         while label is not None:
             if label not in entries or (line and label >= line[-1].label):
                 return []
@@ -114,12 +123,12 @@ class Journal:
         if not self.run.is_writing:
             return
         left = [target for target in outcome.targets if not target.reached]
-        missed = [[target.half_width, target.segments] for target in left if not target.beyond]
-        beyond = [[target.half_width, target.segments] for target in left if target.beyond]
-        facts = {"missed": missed} | ({"beyond": beyond} if beyond else {})
-        ended = [event for event in self.run.events() if event["event"] == "ended"]
-        if self.new_states or not ended or not facts.items() <= ended[-1].items():
-            self.run.log_event("ended", exit_code=outcome.exit_code, **facts)
+        missed = tuple((target.half_width, target.segments) for target in left if not target.beyond)
+        beyond = tuple((target.half_width, target.segments) for target in left if target.beyond)
+        ended = [event for event in self.run.events() if isinstance(event, Ended)]
+        if self.new_states or not ended or (ended[-1].missed, ended[-1].beyond) != (missed, beyond):
+            more = {"beyond": beyond} if beyond else {}
+            self.run.log_event("ended", exit_code=outcome.exit_code, missed=missed, **more)
 
     def clock(self) -> Clock:
         """A clock for a stage that begins now. Raises NotStoredError if its end could not be committed."""
@@ -139,11 +148,11 @@ class Journal:
         saddles: Sequence[SaddleMet],
         clock: Clock,
         spectrum: SpectrumRequest | None,
-    ) -> StateRecord:
+    ) -> Summary:
         """Commit the saddles that were met in a stage, then the state that ends it."""
         from .records import saddle_result
 
-        for met in saddles[self._saddles.get(reached.stage, 0) :]:
+        for met in saddles[self._saddles[reached.stage] :]:
             self._commit(
                 replace(
                     reached,
@@ -155,15 +164,16 @@ class Journal:
                 clock,
                 None,
             )
-        record = self._commit(reached, clock, spectrum)
-        self._ends[reached.stage] = record.label
-        return record
+        return self._end_of_stage(reached, clock, spectrum)
 
-    def store_made(self, reached: Reached, clock: Clock, changes: Mapping[str, Any]) -> StateRecord:
+    def store_made(self, reached: Reached, clock: Clock, changes: Mapping[str, Any]) -> Summary:
         """Commit a state that was made and not solved for, some of its record's fields changed."""
-        record = self._commit(reached, clock, None, changes)
-        self._ends[reached.stage] = record.label
-        return record
+        return self._end_of_stage(reached, clock, None, changes)
+
+    def _end_of_stage(self, reached: Reached, *how: Any) -> Summary:
+        state = self._commit(reached, *how)
+        self._ends[reached.stage] = state.label
+        return state
 
     def _commit(
         self,
@@ -171,20 +181,18 @@ class Journal:
         clock: Clock,
         spectrum: SpectrumRequest | None,
         changes: Mapping[str, Any] | None = None,
-    ) -> StateRecord:
+    ) -> Summary:
         from .records import build_record
 
         record = replace(build_record(self.run.next_label, reached, clock, spectrum), **(changes or {}))
-        self.run.commit(record)
+        state = self.run.commit(record)
+        self._recent.append(record)
         self.new_states += 1
-        return record
+        return state
 
 
 def _lost_stages(run: Run) -> set[str]:
-    """Stages of the states that were removed, or that `ribbon repair` marked as lost, whose lines were not
-    looked at closely.
-    """
-    lost = [event.get("state") for event in run.events() if event["event"] == "state-lost"]
-    lost += [entry["state"] for entry in removed(run.events()).values()]
-    stages = (state.get("stage") for state in lost if isinstance(state, dict))
-    return {stage for stage in stages if isinstance(stage, str)}
+    """Stages of the states that were removed, or that `ribbon repair` marked as lost."""
+    events = run.events()
+    lost = {event.stage for event in events if isinstance(event, Lost) and event.stage is not None}
+    return lost | {entry.state.stage for entry in removed(events).values()}

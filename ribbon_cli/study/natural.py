@@ -8,7 +8,7 @@ from ..config import Arclength
 from ..solver.branch import End, Reason
 from ..solver.continuation import to_width
 from ..solver.status import Status
-from ..store import StateRecord
+from ..store import Summary
 from .outcome import Course, CoursePoint
 from .plan import MOST_HALVINGS
 from .records import multipliers_of, state_of
@@ -22,10 +22,10 @@ CONTACT_ACCURACY = 1e-7
 class Natural:
     """Natural continuation from a stored minimum; every step is a function of stored states."""
 
-    def __init__(self, steps: Steps, request: Arclength, start: StateRecord) -> None:
+    def __init__(self, steps: Steps, request: Arclength, start: Summary) -> None:
         self.steps, self.journal = steps, steps.journal
         self.request, self.start = request, start
-        self.met: list[tuple[StateRecord, str]] = []
+        self.met: list[tuple[Summary, str]] = []
         self.beyond: list[float] = []
 
     def follow(self, name: str) -> Course:
@@ -44,7 +44,7 @@ class Natural:
         points = tuple(_point(record, kind) for record, kind in self.met)
         return Course(name, self.start.label, points, end.reason.value, end.half_width, message)
 
-    def _reach(self, name: str, current: StateRecord, b: float) -> tuple[StateRecord, End | None]:
+    def _reach(self, name: str, current: Summary, b: float) -> tuple[Summary, End | None]:
         """Go to a width in steps as long as they succeed; where it ends if it is not reached."""
         step = b - current.half_width
         while current.half_width != b:
@@ -69,7 +69,7 @@ class Natural:
             current = following
         return current, None
 
-    def _locate_contact(self, name: str, before: StateRecord, after: StateRecord) -> tuple[StateRecord, End]:
+    def _locate_contact(self, name: str, before: Summary, after: Summary) -> tuple[Summary, End]:
         """Halve the step that led to contact until the width is known; the end is in contact."""
         low, high = before, after
         near = CONTACT_ACCURACY * before.length
@@ -82,7 +82,7 @@ class Natural:
         self.met.append((high, "contact"))
         return high, End(Reason.CONTACT, high.half_width)
 
-    def _hint(self, current: StateRecord, why: str) -> str:
+    def _hint(self, current: Summary, why: str) -> str:
         """Why no step succeeds: a fold, if another branch was met beyond."""
         if self.beyond:
             nearest = min(self.beyond, key=lambda b: abs(b - current.half_width))
@@ -90,7 +90,7 @@ class Natural:
             why = f"The branch seems to turn back (fold) near b = {near:.6g}: {why}"
         return f"{why} --arclength goes on around folds and past losses of stability, and locates them."
 
-    def _step(self, name: str, current: StateRecord, b: float, kind: str) -> StateRecord | str:
+    def _step(self, name: str, current: Summary, b: float, kind: str) -> Summary | str:
         """A minimum at a width, stored or computed from the state before it; a sentence if there is none."""
         stage = f"{name}, b = {float(b)!r}"
         known = self.journal.finished(stage)
@@ -98,7 +98,8 @@ class Natural:
             return known
         self.steps.begin(stage, b, current.segments)
         clock = self.journal.clock()
-        move = to_width(state_of(current), multipliers_of(current), b, self.steps.options)
+        record = self.journal.load(current)
+        move = to_width(state_of(record), multipliers_of(record), b, self.steps.options)
         result = self.steps.checked(move.result)
         if result.status is not Status.MINIMUM:
             self.beyond += [b] if result.status is Status.LEFT_BRANCH else []
@@ -108,7 +109,7 @@ class Natural:
         return self.steps.store_move(move, result, clock, kind=kind, stage=stage, parent=current.label)
 
 
-def _point(record: StateRecord, kind: str) -> CoursePoint:
+def _point(record: Summary, kind: str) -> CoursePoint:
     return CoursePoint(
         label=record.label,
         type=kind,

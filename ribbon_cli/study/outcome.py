@@ -6,6 +6,9 @@ from dataclasses import dataclass
 
 from ..store import Run
 
+ANOTHER = "another minimum"
+"""How the event of a refinement begins that ended in another minimum than it came from."""
+
 
 @dataclass(frozen=True)
 class Target:
@@ -42,7 +45,7 @@ class CoursePoint:
     label: int
     type: str
     half_width: float
-    energy: float
+    energy: float | None
     status: str
     negative_eigenvalues: int | None
     index_before: int | None

@@ -16,10 +16,11 @@ from typing import TYPE_CHECKING
 
 from ..config import Arclength, Config, dump_resolved
 from ..errors import UsageError
-from ..store import Run, StateRecord, configs
+from ..store import Run, Summary, configs
 from ..store.folder import is_run
+from ..store.refs import same_width
+from .config_changes import what_changed
 from .journal import run_or_read
-from .nearest import what_changed
 from .outcome import Course, Outcome, Target
 from .plan import (
     guess_notes,
@@ -152,7 +153,7 @@ class _Study:
             tuple(self.courses),
         )
 
-    def _start(self) -> StateRecord | None:
+    def _start(self) -> Summary | None:
         """The freed guess, or None with `stopped` set."""
         for note in guess_notes(self.config):
             self.journal.note(note)
@@ -178,7 +179,7 @@ class _Study:
             self._stop_at(stage, record, "`steps` of the recipe")
         return record
 
-    def _stored_start(self, stage: str) -> StateRecord | None:
+    def _stored_start(self, stage: str) -> Summary | None:
         """The freed guess, if it and all that led to it are stored."""
         line = self.journal.ancestry(stage)
         for record in line:
@@ -186,20 +187,20 @@ class _Study:
                 self.steps.begin(record.stage, record.half_width, record.segments)
         return line[-1] if line else None
 
-    def _kept(self, record: StateRecord) -> bool:
+    def _kept(self, record: Summary) -> bool:
         """Whether this is a saddle at which the config asks to begin."""
         return self.config.guess.keep_saddle and record.status == "saddle"
 
     # --- widths ---
 
-    def _widths(self, current: StateRecord) -> None:
+    def _widths(self, current: Summary) -> None:
         """The schedule of widths from the freed guess, each with its refinement."""
         start = current
         for k, (b, visit) in enumerate(visits(self.config.widths or (start.half_width,))):
             ended = k > 0 and self.stopped is not None  # a later visit is none of the state that stands there
-            if self.stopped is None and not math.isclose(b, current.half_width, rel_tol=1e-9):
+            if self.stopped is None and not same_width(b, current.half_width):
                 current = self._reach(current, b, visit)
-            if ended or not math.isclose(b, current.half_width, rel_tol=1e-9):
+            if ended or not same_width(b, current.half_width):
                 self._missed(b, (start.segments, *refined_at(self.config, b)))
                 continue
             self.targets.append(_target(current))
@@ -211,9 +212,9 @@ class _Study:
         self.in_contact = True
         self._stop(f"the band touches itself from b = {half_width:.10g}: contact: stop ends the schedule")
 
-    def _reach(self, current: StateRecord, b: float, visit: int) -> StateRecord:
+    def _reach(self, current: Summary, b: float, visit: int) -> Summary:
         """Continue to width b, halving steps that fail; the last state reached, `stopped` if it is not b."""
-        before: StateRecord | None = None
+        before: Summary | None = None
         while True:
             following = self._stored_step(current, b, visit) or self._step(before, current, b, visit)
             if following is None:
@@ -225,7 +226,7 @@ class _Study:
             if current.kind == "equilibrium" or self.stopped is not None:
                 return current
 
-    def _stored_step(self, current: StateRecord, b: float, visit: int) -> StateRecord | None:
+    def _stored_step(self, current: Summary, b: float, visit: int) -> Summary | None:
         goal = width_name(b, visit)
         # Most steps were not halved: the names of the halves are made where there was need of them.
         candidates = [(goal, b)] if self.journal.has(goal) else width_steps(current.half_width, b, visit)
@@ -238,9 +239,7 @@ class _Study:
                 return record
         return None
 
-    def _step(
-        self, before: StateRecord | None, current: StateRecord, b: float, visit: int
-    ) -> StateRecord | None:
+    def _step(self, before: Summary | None, current: Summary, b: float, visit: int) -> Summary | None:
         """The longest step towards a width that works, computed; `stopped` is set where none does."""
         from .stepping import longest_step
 
@@ -249,7 +248,7 @@ class _Study:
             self._stop(why)
         return following
 
-    def _contact_between(self, before: StateRecord, after: StateRecord, b: float) -> float | None:
+    def _contact_between(self, before: Summary, after: Summary, b: float) -> float | None:
         """Half-width at which self-contact begins or ends on a step towards a width, where it does."""
         if before.self_contact == after.self_contact:
             return None
@@ -259,24 +258,24 @@ class _Study:
         found = locate_contact(self.steps, before, after, next(filter(None, beside), ()))
         return found[0].half_width if found else None
 
-    def _branches(self, start: StateRecord, request: Arclength) -> None:
+    def _branches(self, start: Summary, request: Arclength) -> None:
         """The branch through the freed guess, and those that cross it if the config asks for them."""
         self.targets.append(replace(_target(start), kept=self._kept(start)))
         if self.stopped is not None:
             return
-        if math.isclose(start.half_width, request.to, rel_tol=1e-9):
+        if same_width(start.half_width, request.to):
             raise UsageError(f"widths.arclength.to: the start has b = {start.half_width:.12g} already")
         if self.config.contact == "stop" and "contact" not in request.stop_at:
             request = replace(request, stop_at=(*request.stop_at, "contact"))
         from .branch import Branches
 
-        branches = Branches(self.steps, request, start)
+        branches = Branches(self.steps, request, self.journal.load(start))
         self.courses = branches.courses
         branches.follow("branch")
 
     # --- refinement ---
 
-    def _refine(self, record: StateRecord, b: float, visit: int) -> None:
+    def _refine(self, record: Summary, b: float, visit: int) -> None:
         """Refine a width's state level by level."""
         levels = refined_at(self.config, b)
         for k, n in enumerate(levels):
@@ -297,7 +296,7 @@ class _Study:
         self.stopped = why
         self.journal.note(why)
 
-    def _stop_at(self, stage: str, record: StateRecord, steps: str = "") -> None:
+    def _stop_at(self, stage: str, record: Summary, steps: str = "") -> None:
         from .remedies import remedied  # here: a finished run does without the solver's words
 
         self._stop(remedied(f"{stage}: {record.message}", record.status, steps))
@@ -323,5 +322,5 @@ def _is_everted(config: Config, given: Given | None) -> bool:
     return config.half_twists == 0 and not_everted(given.state) is None
 
 
-def _target(record: StateRecord) -> Target:
+def _target(record: Summary) -> Target:
     return Target(record.half_width, record.segments, record.label, True, record.certified, record.message)

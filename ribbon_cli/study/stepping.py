@@ -7,7 +7,7 @@ import math
 from ..solver.continuation import Move, to_width
 from ..solver.status import Result, Status
 from ..solver.tracking import PARTS
-from ..store import StateRecord
+from ..store import Summary
 from .acceptance import converged
 from .clock import Clock
 from .plan import MOST_HALVINGS, width_name, width_steps
@@ -17,14 +17,15 @@ from .steps import Steps
 
 
 def longest_step(
-    steps: Steps, before: StateRecord | None, current: StateRecord, b: float, visit: int
-) -> tuple[StateRecord | None, str | None]:
+    steps: Steps, before: Summary | None, current: Summary, b: float, visit: int
+) -> tuple[Summary | None, str | None]:
     """Compute and store the longest step towards width b that works; also why none does, if none does.
 
     `before` is the state from which a halved step towards b led to the current one, None if none did. A state
     at b that is reached without a certificate is stored, and returned with that sentence.
     """
-    state, multipliers = state_of(current), multipliers_of(current)
+    record = steps.journal.load(current)
+    state, multipliers = state_of(record), multipliers_of(record)
     failures: list[str] = []
     whole: tuple[Move, Result, Clock] | None = None
     beyond: list[float] = []
@@ -67,7 +68,7 @@ def longest_step(
     return uncertified, why
 
 
-def _first_candidate(before: StateRecord | None, current: StateRecord, b: float) -> int:
+def _first_candidate(before: Summary | None, current: Summary, b: float) -> int:
     """Where to begin halving: at twice the step that led here, if that was a halved one.
 
     Read off the stored states, so that a resumed run takes the same steps.

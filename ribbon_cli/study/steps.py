@@ -10,7 +10,7 @@ from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from ..store import BranchRecord, Run, StateRecord
+from ..store import BranchRecord, Run, Summary
 from .clock import Clock, Origin
 from .journal import Journal
 from .progress import Progress
@@ -80,7 +80,7 @@ class Steps:
         parent_ref: str | None = None,
         events: tuple[str, ...] = (),
         branch: BranchRecord | None = None,
-    ) -> StateRecord:
+    ) -> Summary:
         """Store a solve's end and the saddles it left; equilibria get their spectra."""
         from .records import Reached
 
@@ -110,7 +110,7 @@ class Steps:
         stage: str,
         parent: int | None,
         failures: Sequence[str] = (),
-    ) -> StateRecord:
+    ) -> Summary:
         """Store the end of a step along a branch with what was met on the way."""
         from ..model.problem import Problem
         from ..solver.status import Status
@@ -131,10 +131,10 @@ class Steps:
         )
 
     def refine(
-        self, record: StateRecord, segments: int, stage: str, kind: str, *, splitting: bool = False
-    ) -> StateRecord | str:
+        self, start: Summary, segments: int, stage: str, kind: str, *, splitting: bool = False
+    ) -> Summary | str:
         """The state refined to another number of segments, or a sentence why it was not reached."""
-        self.begin(stage, record.half_width, segments)
+        self.begin(stage, start.half_width, segments)
         known = self.journal.finished(stage)
         if known is not None:
             return known
@@ -146,14 +146,15 @@ class Steps:
         from .records import state_of
         from .remedies import remedied
 
+        state = state_of(self.journal.load(start))
         try:
-            move = to_segments(state_of(record), segments, self.options, splitting=splitting)
+            move = to_segments(state, segments, self.options, splitting=splitting)
         except ClosureError as error:
             return f"{stage}: {error}: take more or fewer segments"
         result = self.checked(move.result)
         if not converged(result):
             return remedied(f"{stage}: {result.message}", result.status, "an N in between")
-        if result.certified and record.certified:
-            kin = another_minimum(state_of(record), result.state, self.options)
+        if result.certified and start.certified:
+            kin = another_minimum(state, result.state, self.options)
             move = replace(move, events=(*move.events, kin)) if kin else move
-        return self.store_move(move, result, clock, kind=kind, stage=stage, parent=record.label)
+        return self.store_move(move, result, clock, kind=kind, stage=stage, parent=start.label)
