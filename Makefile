@@ -7,6 +7,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/ready
 READY_DEV := $(VENV)/ready-dev
 READY_BENCH := $(VENV)/ready-bench
+READY_DOCS := $(VENV)/ready-docs
 # The lowest supported Python with the lowest supported version of everything, in an environment of its own.
 MINIMUM_PYTHON ?= python3.11
 MINIMUM := .venv-minimum
@@ -19,7 +20,7 @@ PIP := $(BIN)/python -m pip -qq --disable-pip-version-check
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 FIGURES := $(addprefix figure-3.,1 2 3 4 5 6 7 8 9 10 11 12 13 14)
-.PHONY: help setup table-3.1 paper $(FIGURES) gallery checkerboard everted-cylinder everted-moebius
+.PHONY: help setup table-3.1 paper $(FIGURES) gallery checkerboard everted-cylinder everted-moebius docs
 .PHONY: test test-minimum test-package test-browser test-readers test-large test-branches test-faults lint bench same-as clean
 
 help: ## list the targets
@@ -49,6 +50,11 @@ $(FIGURES): setup
 gallery: setup ## draw the pictures of the documentation: docs/gallery/
 	@sh docs/gallery/draw.sh $(BIN)/ribbon
 
+# Sphinx takes pages as they are, here and in findings; a warning, such as of a link that leads nowhere, is an error.
+docs: $(READY_DOCS) ## build the documentation as a site: build/site/index.html
+	@$(BIN)/python -m sphinx -q -W --keep-going -E -c docs/site . build/site
+	@echo build/site/index.html
+
 test: $(READY_DEV) ## run the whole test suite
 	@$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile
 
@@ -58,13 +64,14 @@ test-minimum: $(MINIMUM)/ready ## run the quick tests on the lowest supported ve
 		--ignore=tests/test_export_formats.py --ignore=tests/test_export_bands.py \
 		--ignore=tests/test_hdf5_readers.py --ignore=tests/test_api_door.py --ignore=tests/test_notebook.py \
 		--deselect "tests/test_docs.py::test_the_examples_run[docs/format.md]" \
-		--deselect "tests/test_docs.py::test_the_examples_run[docs/python.md]"
+		--deselect "tests/test_docs.py::test_the_examples_run[docs/python.md]" \
+		--deselect "tests/test_docs.py::test_the_examples_run[docs/tutorial.md]"
 
 test-package: $(READY_DEV) ## build wheel and sdist, install each in empty environments, solve there
 	@PACKAGE_PYTHONS="$(PACKAGE_PYTHONS)" $(BIN)/python -m pytest -m package -rs --durations=0 \
 		-o tmp_path_retention_policy=failed tests/package
 
-test-browser: $(READY_DEV) ## open the HTML viewer in headless Chromium (apt install chromium)
+test-browser: $(READY_DEV) docs ## open the HTML viewer and the site in headless Chromium (apt install chromium)
 	@$(BIN)/python -m pytest -m browser tests/browser
 
 test-readers: $(READY_DEV) $(READERS)/ready ## open files in other programs: h5dump, and readers of FOLD and glTF from npm (apt install hdf5-tools npm)
@@ -108,6 +115,11 @@ $(READY_DEV): pyproject.toml
 $(READY_BENCH): pyproject.toml
 	@$(new-venv)
 	@$(call install,'.[bench]')
+	@touch $@ $(READY)
+
+$(READY_DOCS): pyproject.toml
+	@$(new-venv)
+	@$(call install,'.[docs$(comma)notebook]')
 	@touch $@ $(READY)
 
 $(MINIMUM)/ready: pyproject.toml constraints/minimum.txt

@@ -1,4 +1,4 @@
-"""The table of a config's keys, listed by path and rendered as the README shows it."""
+"""The table of a config's keys, listed by path and rendered as docs/reference/config.md shows it."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def _keys(takes: Takes, part: dict[str, Any], prefix: str) -> Iterator[tuple[str
 
 
 def rows() -> list[str]:
-    """The README's rows, one for each path."""
+    """The reference's rows, one for each path."""
     merged: dict[str, list[Key]] = {}
     for path, key, _ in keys():
         merged.setdefault(path, []).append(key)

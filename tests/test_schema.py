@@ -1,4 +1,4 @@
-"""The table of a config's keys, and what follows from it: schema, README, defaults, bounds."""
+"""The table of a config's keys, and what follows from it: schema, reference, defaults, bounds."""
 
 from __future__ import annotations
 
@@ -337,7 +337,7 @@ def test_runs_keep_their_names(text: str) -> None:
 
 
 def test_the_readme_has_the_table() -> None:
-    section = (ROOT / "README.md").read_text(encoding="utf-8").partition("## The config\n")[2]
+    section = (ROOT / "docs/reference/config.md").read_text(encoding="utf-8").partition("## The keys\n")[2]
     table = [line for line in section.partition("\n## ")[0].splitlines() if line.startswith("| ")]
     assert table[1:] == rows()
 

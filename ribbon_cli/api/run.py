@@ -87,7 +87,7 @@ class OpenRun(Run):
         return analysis.run_table(self)
 
     def at(self, b: float | None = None, N: int | None = None) -> api.OpenState:
-        """The equilibrium that RUN@b=...,N=... names in a command; either part may be left out.
+        """The equilibrium that `RUN@b=...,N=...` names in a command; either part may be left out.
 
         Of several it is the latest of the finest certified ones; `choice` of the state says which was taken.
         Warns where that has no certificate. Raises UsageError, which says what there is, StoreError.

@@ -21,7 +21,13 @@ _FORMATS = ("text", "markdown", "csv", "json", "npz")
 
 @click.command()
 @click.argument("ref", metavar="STATE|RUN", shell_complete=complete_any)
-@click.option("--metric", type=click.Choice(METRICS), default="physical", show_default=True)
+@click.option(
+    "--metric",
+    type=click.Choice(METRICS),
+    default="physical",
+    show_default=True,
+    help="How the size of a mode is measured.",
+)
 @click.option("--modes", metavar="K", type=click.IntRange(1), help="Lowest modes; default 12, convergence 6.")
 @click.option("--full", is_flag=True, help="All 2N-3 eigenvalues, by dense algebra; of a RUN, at each N.")
 @click.option("--convergence", is_flag=True, help="Of a RUN: the lowest eigenvalues over N, orders, limits.")
