@@ -128,7 +128,7 @@ def test_twist_steps_that_fail_are_halved_and_reported(tmp_path: Path) -> None:
     states = outcome.run.states(all=True)
     twisted = [state for state in states if state.kind == "auxiliary"]
     assert [state.stage for state in twisted] == ["twist 0.25/1", "twist 0.625/1", "twist 1/1"]
-    assert any("a step from twist 0/1 to 1 failed, halved" in event for event in twisted[0]["events"])
+    assert any("a step from twist 0/1 to 1 failed, halved" in event for event in twisted[0].events)
     assert states[-1].energy == pytest.approx(whole.run.states()[-1].energy, rel=1e-12)
     watch = Recorder()
     assert solve_config(config(text), tmp_path, progress=watch).new_states == 0

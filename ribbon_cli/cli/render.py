@@ -13,7 +13,6 @@ from ribbon_cli import digits, study
 from ribbon_cli.export.words import MEETS_ITSELF
 from ribbon_cli.store import StateRecord, Summary
 from ribbon_cli.store.events import Event, Removed
-from ribbon_cli.study.status import Standing
 from ribbon_cli.text import ranges, visible
 
 MISSING = "-"
@@ -151,7 +150,7 @@ def _branch_index(negative: int | None, before: int | None, after: int | None) -
     return f"{number(before)} to {number(after)}"
 
 
-def runs_table(runs: Iterable[Standing]) -> str:
+def runs_table(runs: Iterable[study.Standing]) -> str:
     """The runs in a folder."""
     rows = []
     for found in runs:

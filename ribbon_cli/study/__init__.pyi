@@ -16,4 +16,5 @@ from .removal import remove as remove
 from .solve import solve_config as solve_config
 from .status import RUN_STATUSES as RUN_STATUSES
 from .status import STATE_STATUSES as STATE_STATUSES
+from .status import Standing as Standing
 from .status import standing as standing
