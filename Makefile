@@ -7,6 +7,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/ready
 READY_DEV := $(VENV)/ready-dev
 READY_BENCH := $(VENV)/ready-bench
+READY_DOCS := $(VENV)/ready-docs
 # The lowest supported Python with the lowest supported version of everything, in an environment of its own.
 MINIMUM_PYTHON ?= python3.11
 MINIMUM := .venv-minimum
@@ -19,7 +20,7 @@ PIP := $(BIN)/python -m pip -qq --disable-pip-version-check
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 FIGURES := $(addprefix figure-3.,1 2 3 4 5 6 7 8 9 10 11 12 13 14)
-.PHONY: help setup table-3.1 paper $(FIGURES) gallery checkerboard everted-cylinder everted-moebius
+.PHONY: help setup table-3.1 paper $(FIGURES) gallery checkerboard everted-cylinder everted-moebius docs
 .PHONY: test test-minimum test-package test-browser test-readers test-large test-branches test-faults lint bench same-as clean
 
 help: ## list the targets
@@ -29,43 +30,30 @@ help: ## list the targets
 setup: $(READY) ## make .venv with ribbon in it: .venv/bin/ribbon
 
 table-3.1: setup ## solve the pi-bands of Table 3.1 and print it beside the published numbers
-	@$(BIN)/ribbon solve configs/mobius-pi-second-minimum.yaml > /dev/null
-	@$(BIN)/ribbon convergence-table configs/mobius-pi.yaml --thesis \
-		--second-minimum mobius-pi-second-minimum@b=0.1,N=50
+	@$(BIN)/python -m paper $@
 
-# Both rules side by side: all Euclidean eigenvalues, then the lowest physical ones over N.
-STUDIED := ring ring-value-average mobius-pi-coarse mobius-pi-coarse-value-average
 checkerboard: setup ## spectra of Figure 3.14 under both rules, and the physical ones that converge
-	@for name in $(STUDIED); do \
-		$(BIN)/ribbon -q solve configs/$$name.yaml > /dev/null && echo "== $$name" && \
-		$(BIN)/ribbon spectrum $$name --full --metric euclidean && \
-		$(BIN)/ribbon spectrum $$name --convergence || exit; \
-	done
+	@$(BIN)/python -m paper $@
 
-# The branches of docs/everted-cylinder.md, from stored recipes to contact.
-EVERTED := 40 80 160 320 640 40a 80a 80b 80c 160a $(addsuffix -value-average,40 80 160 320)
 everted-cylinder: setup ## follow the branches of the everted cylinder: where it is stable, where not
-	@for n in $(EVERTED); do $(BIN)/ribbon solve configs/everted-branch-$$n.yaml || exit $$?; done
-	@for n in 40 80 160 320; do \
-		$(BIN)/ribbon continue "everted-branch-$$n@b=0.3,N=$$n" --to 1.0 --arclength --stop-at contact || exit $$?; \
-	done
+	@$(BIN)/python -m paper $@
 
-# The two families of docs/everted-moebius.md, from stored saddles; the second to contact.
-EVERTED_MOEBIUS := $(foreach family,a b,$(addprefix $(family)-,80 160 320 640 80-value-average 160-value-average 320-value-average))
 everted-moebius: setup ## follow the branches of everted Moebius bands, saddles all along
-	@for name in $(EVERTED_MOEBIUS); do $(BIN)/ribbon solve configs/everted-moebius-$$name.yaml || exit $$?; done
-	@for n in 80 160 320; do \
-		$(BIN)/ribbon continue "everted-moebius-b-$$n@b=0.3,N=$$n" --to 1.0 --arclength --stop-at contact || exit $$?; \
-	done
+	@$(BIN)/python -m paper $@
 
 paper: setup ## make every figure and table of chapter 3 and check its claims: runs/paper/index.html
-	@$(BIN)/python -m ribbon_cli.paper
+	@$(BIN)/python -m paper
 
 $(FIGURES): setup
-	@$(BIN)/python -m ribbon_cli.paper $@
+	@$(BIN)/python -m paper $@
 
 gallery: setup ## draw the pictures of the documentation: docs/gallery/
 	@sh docs/gallery/draw.sh $(BIN)/ribbon
+
+# Sphinx takes pages as they are, here and in findings; a warning, such as of a link that leads nowhere, is an error.
+docs: $(READY_DOCS) ## build the documentation as a site: build/site/index.html
+	@$(BIN)/python -m sphinx -q -W --keep-going -E -c docs/site . build/site
+	@echo build/site/index.html
 
 test: $(READY_DEV) ## run the whole test suite
 	@$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile
@@ -76,13 +64,14 @@ test-minimum: $(MINIMUM)/ready ## run the quick tests on the lowest supported ve
 		--ignore=tests/test_export_formats.py --ignore=tests/test_export_bands.py \
 		--ignore=tests/test_hdf5_readers.py --ignore=tests/test_api_door.py --ignore=tests/test_notebook.py \
 		--deselect "tests/test_docs.py::test_the_examples_run[docs/format.md]" \
-		--deselect "tests/test_docs.py::test_the_examples_run[docs/python.md]"
+		--deselect "tests/test_docs.py::test_the_examples_run[docs/python.md]" \
+		--deselect "tests/test_docs.py::test_the_examples_run[docs/tutorial.md]"
 
 test-package: $(READY_DEV) ## build wheel and sdist, install each in empty environments, solve there
 	@PACKAGE_PYTHONS="$(PACKAGE_PYTHONS)" $(BIN)/python -m pytest -m package -rs --durations=0 \
 		-o tmp_path_retention_policy=failed tests/package
 
-test-browser: $(READY_DEV) ## open the HTML viewer in headless Chromium (apt install chromium)
+test-browser: $(READY_DEV) docs ## open the HTML viewer and the site in headless Chromium (apt install chromium)
 	@$(BIN)/python -m pytest -m browser tests/browser
 
 test-readers: $(READY_DEV) $(READERS)/ready ## open files in other programs: h5dump, and readers of FOLD and glTF from npm (apt install hdf5-tools npm)
@@ -128,6 +117,11 @@ $(READY_BENCH): pyproject.toml
 	@$(call install,'.[bench]')
 	@touch $@ $(READY)
 
+$(READY_DOCS): pyproject.toml
+	@$(new-venv)
+	@$(call install,'.[docs$(comma)notebook]')
+	@touch $@ $(READY)
+
 $(MINIMUM)/ready: pyproject.toml constraints/minimum.txt
 	@command -v $(MINIMUM_PYTHON) > /dev/null || { \
 		echo "no '$(MINIMUM_PYTHON)' here: name the lowest supported one, as in 'make MINIMUM_PYTHON=/path/to/python3.11 test-minimum'" >&2; \
@@ -144,10 +138,12 @@ $(READERS)/ready: tests/readers/package.json
 	@npm install --prefix tests/readers --no-package-lock --no-audit --no-fund --loglevel=error > /dev/null
 	@touch $@
 
-# pip compiles what it installs, but not a package that stays where it is: its commands would start later.
+# Compiled here: on all cores, and with the package itself, which stays where it is and which pip would leave
+# as it is, so that its commands would start later. What does not compile is no module that anyone imports.
 comma := ,
 define install
-$(PIP) install --editable $(1) && $(BIN)/python -m compileall -q ribbon_cli
+$(PIP) install --no-compile --editable $(1) && \
+	{ $(BIN)/python -m compileall -qq -j 0 $(VENV)/lib ribbon_cli > /dev/null || true; }
 endef
 
 # A virtual environment, unless a working one is there; the interpreter is checked before it is used.

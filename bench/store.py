@@ -17,7 +17,7 @@ from ribbon_cli.config import dump_resolved, load_config
 from ribbon_cli.store import Run, StateRecord, encode, log
 from ribbon_cli.store.folder import state_entry, state_name
 from ribbon_cli.store.preamble import block_size, check_seal, seal
-from ribbon_cli.store.summaries import describe
+from ribbon_cli.store.summaries import Summary
 from ribbon_cli.study import plan_of, solve_config
 
 DOCUMENT = Path(__file__).parents[1] / "docs" / "benchmarks-store.md"
@@ -54,7 +54,7 @@ def make_run(folder: Path, states: int = STATES) -> Run:
         state = summary | {"label": label, "half_width": stage.half_width, "stage": stage.name}
         if label == states - 1:
             record = _solved(folder, stage.half_width or 0.0)
-            state = describe(replace(record, label=label, stage=stage.name))
+            state = Summary.of(replace(record, label=label, stage=stage.name)).to_dict()
             file = encode(replace(record, label=label, stage=stage.name))
         else:
             file = seal(image, state)

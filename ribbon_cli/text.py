@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from unicodedata import category
 
 
 def visible(text: str, keep: str = "") -> str:
@@ -21,7 +22,6 @@ def visible(text: str, keep: str = "") -> str:
 
 
 def _is_space(character: str) -> bool:
-    from unicodedata import category
 
     return category(character) == "Zs"
 

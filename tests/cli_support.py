@@ -88,7 +88,7 @@ def content_hashes(root: Path) -> dict[int, str]:
     (made,) = list_runs(root)
     for label in made.entries():
         made.check_file(label)
-    return {state["label"]: state["content_sha256"] for state in made.states(all=True)}
+    return {state.label: state.content_sha256 for state in made.states(all=True)}
 
 
 def states_on_disk(folder: Path) -> int:

@@ -1,12 +1,12 @@
-"""The table of a config's keys, listed by path and rendered as the README shows it."""
+"""The table of a config's keys, listed by path and rendered as docs/reference/config.md shows it."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from typing import Any
 
+from ribbon_cli.config.json_schema import schema
 from ribbon_cli.config.keys import Either, Flag, Integer, Items, Key, Number, Section, Takes, Word
-from ribbon_cli.config.schema import schema
 from ribbon_cli.config.table import CONFIG
 
 
@@ -27,7 +27,7 @@ def _keys(takes: Takes, part: dict[str, Any], prefix: str) -> Iterator[tuple[str
 
 
 def rows() -> list[str]:
-    """The README's rows, one for each path."""
+    """The reference's rows, one for each path."""
     merged: dict[str, list[Key]] = {}
     for path, key, _ in keys():
         merged.setdefault(path, []).append(key)

@@ -136,5 +136,5 @@ def contents(run: Run) -> dict[int, str]:
     found = {}
     for label, entry in run.entries().items():
         run.check_file(label)
-        found[label] = entry["state"]["content_sha256"]
+        found[label] = entry.state.content_sha256
     return found

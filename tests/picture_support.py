@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -29,5 +30,11 @@ def run_named(root: Path, name: str) -> Run:
 
 
 def states_of(root: Path, name: str, kind: str = "equilibrium") -> list[StateRecord]:
-    run = run_named(root, name)
-    return [run.load(s["label"]) for s in run.states(all=True) if s["kind"] == kind]
+    return list(_loaded(run_named(root, name).path, kind))
+
+
+@lru_cache(maxsize=16)
+def _loaded(path: Path, kind: str) -> tuple[StateRecord, ...]:
+    """States of a run that no test changes, read once."""
+    run = Run.open(path)
+    return tuple(run.load(s.label) for s in run.states(all=True) if s.kind == kind)

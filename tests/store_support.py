@@ -5,12 +5,13 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ribbon_cli.store import Run, SpectrumRecord, StateRecord
+from ribbon_cli.store import Run, SpectrumRecord, StateRecord, Summary
 from ribbon_cli.store.log import LogReader
 
 CONFIG = "name: mobius\n"
@@ -29,6 +30,11 @@ def make_spectrum(
         sliding_overlap=rng.random(k),
         vectors=None if m is None else rng.normal(size=(m, n, 7)),
     )
+
+
+def make_summary(**changes: Any) -> Summary:
+    """A state without its file."""
+    return replace(Summary.of(make_record()), **changes)
 
 
 def make_record(label: int = 1, n: int = 10, **changes: Any) -> StateRecord:
@@ -114,4 +120,4 @@ def reseal(path: Path, version: str = "1.2", **changes: Any) -> None:
 
 def read_log(path: Path) -> list[dict[str, Any]]:
     """A log's entries in order."""
-    return LogReader(path).entries()
+    return [event.document for event in LogReader(path).events()]

@@ -118,7 +118,6 @@ def test_blas_has_one_thread_whatever_the_environment_says():
         (["refine", "x:1", "--to", "80", "--levels", "1"], "ribbon: give one of --to N and --levels K"),
         (["refine", "x:1", "--to", "80", "--method", "smoth"], "'smoth' is not one of 'smooth', 'split'"),
         (["convergence-table", "x", "--json", "--format", "csv"], "exclude each other"),
-        (["convergence-table", "x", "--second-minimum", "y:1"], "--second-minimum needs --thesis"),
         (["completion", "tcsh"], "'tcsh' is not one of 'bash', 'zsh', 'fish'"),
         (["export", "x:1"], "ribbon: missing option '--to'"),
         (["export", "x:1", "--to"], "option '--to' requires an argument"),

@@ -65,7 +65,6 @@ RUNS = ["mobius", "ring-a", "twin-00000001", "twin-00000002"]
         (["show", "./r"], ["<file>"]),
         (["convergence-table", "r"], ["ring-a", "<file>"]),
         (["convergence-table", "x", "--format", "m"], ["markdown"]),
-        (["convergence-table", "x", "--second-minimum", "mobius:3"], ["mobius:3"]),
         (["refine", "mobius:3", "--method", "s"], ["smooth", "split"]),
         (["init", "mob"], ["mobius-3pi", "mobius-pi", "mobius-pi-left"]),
         (["check", ""], ["<file>"]),

@@ -90,7 +90,7 @@ def test_check_names_every_problem_with_its_place(tmp_path):
 def test_check_opens_a_given_state(tmp_path):
     """What `solve` would refuse is refused; a file of the user's own is bad input, not a damaged store."""
     state = "name: again\ntopology: {half_twists: 1}\ninitial_guess: {state: STATE}\nwidths: [0.1, 0.2]\n"
-    known = (Path(__file__).parent.parent / "configs/data/pi-b0.1-N50-second-minimum.npz").as_posix()
+    known = (Path(__file__).parent.parent / "configs/paper/data/pi-b0.1-N50-second-minimum.npz").as_posix()
     (tmp_path / "good.yaml").write_text(state.replace("STATE", known))
     (tmp_path / "left.yaml").write_text(state.replace("STATE", known).replace("twists: 1", "twists: -1"))
     (tmp_path / "none.yaml").write_text(state.replace("STATE", "nothing:3"))

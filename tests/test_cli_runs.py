@@ -16,8 +16,8 @@ from store_support import make_record, make_run, relative_files
 from ribbon_cli.config import dump_resolved, parse_config
 from ribbon_cli.store import Run, encode, write_atomic
 from ribbon_cli.study.failure import Failure
-from ribbon_cli.study.repeat import by_command
 from ribbon_cli.study.walk import Walk
+from ribbon_cli.verify.reruns import by_command
 
 FROZEN = Path(__file__).parent / "data" / "format-1.0"
 NAME = "frozen-3b93991c"
@@ -156,7 +156,7 @@ def test_repair_makes_verify_pass_and_a_solve_compute_again_what_was_lost(tmp_pa
     Path("ring.yaml").write_text(QUICK_RING)
     assert ribbon("solve", "ring.yaml", "-q").exit_code == 0
     (path,) = (tmp_path / "runs").iterdir()
-    before = {s["stage"]: s["energy"] for s in Run.open(path).states()}
+    before = {s.stage: s.energy for s in Run.open(path).states()}
     damaged = Run.open(path).state_path(3)
     damaged.write_bytes(damaged.read_bytes()[:-9])
     for words in (("solve", "ring.yaml", "-q"), ("show", "ring:3"), ("verify", "ring")):
@@ -167,7 +167,7 @@ def test_repair_makes_verify_pass_and_a_solve_compute_again_what_was_lost(tmp_pa
     assert ribbon("verify", "ring").exit_code == 0
     assert "nothing to repair" in ribbon("repair", "ring").stderr
     assert ribbon("solve", "ring.yaml", "-q").exit_code == 0
-    assert {s["stage"]: s["energy"] for s in Run.open(path).states()} == before
+    assert {s.stage: s.energy for s in Run.open(path).states()} == before
     assert ribbon("verify", "ring").exit_code == 0
 
 
@@ -434,7 +434,12 @@ def test_provenance_keeps_the_config(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    "config", [QUICK_MOBIUS, QUICK_SCHOENKE, QUICK_BRANCH], ids=["twist", "schoenke", "branch"]
+    "config",
+    [
+        pytest.param(QUICK_MOBIUS, id="twist", marks=pytest.mark.faults),
+        pytest.param(QUICK_SCHOENKE, id="schoenke"),
+        pytest.param(QUICK_BRANCH, id="branch", marks=pytest.mark.faults),
+    ],
 )
 def test_the_environment_changes_no_bytes(tmp_path, config):
     found = []
@@ -451,7 +456,7 @@ def test_the_environment_changes_no_bytes(tmp_path, config):
         done = run("solve", "band.yaml", "-q", cwd=folder, **changes)
         assert done.returncode == 0, done.stderr
         (made,) = [Run.open(path) for path in (folder / "runs").iterdir()]
-        found.append([entry["state"]["content_sha256"] for entry in made.entries().values()])
+        found.append([entry.state.content_sha256 for entry in made.entries().values()])
     assert found[0] == found[1] == found[2]
 
 

@@ -243,33 +243,6 @@ def test_convergence_table_formats(folder, style, start):
     assert (again.exit_code, again.stderr) == (0, "")
 
 
-def test_convergence_table_beside_the_thesis(folder):
-    result = ribbon("convergence-table", "mobius", "--thesis")
-    assert result.exit_code == 0
-    assert "thesis" in result.stdout.splitlines()[0]
-    assert "in Table 3.1 but not in mobius-0123abcd: b = 0.1, N = 50, 100, 200; b = 0.2, " in result.stderr
-    rows = ribbon_json("convergence-table", "mobius", "--thesis")["rows"]
-    assert rows[0]["thesis_delta"] == pytest.approx(0.01, rel=1)
-    with_other = ribbon("convergence-table", "mobius", "--thesis", "--second-minimum", "mobius:1")
-    assert "another discrete minimum has E'_50 = 5.140000000" in with_other.stdout
-
-
-def test_what_is_not_in_the_thesis_is_not_compared(folder, scripted):
-    calls = scripted()
-    other = make_run(folder / "runs", 0, "short")
-    with other.writing():
-        other.commit(make_record(1, length=1.0))
-    result = ribbon("convergence-table", "short", "--thesis")
-    assert result.exit_code == 2
-    assert "short-0123abcd: not in Table 3.1" in result.stderr
-    with open("mobius.yaml", "a") as file:
-        file.write("discretisation: value-average\n")
-    result = ribbon("convergence-table", "mobius.yaml", "--thesis")
-    assert (result.exit_code, result.stdout) == (2, "")
-    assert "mobius: not in Table 3.1" in result.stderr
-    assert not calls
-
-
 def test_energies_without_certificate_are_named(folder):
     made = make_run(folder / "runs")
     with made.writing():

@@ -12,7 +12,7 @@ from store_support import make_record, make_run
 
 from ribbon_cli import load_state
 from ribbon_cli.config import dump_resolved, parse_config
-from ribbon_cli.store import Run, summary
+from ribbon_cli.store import Run, Summary, content_sha256
 
 CONFIG = """\
 name: ring
@@ -87,7 +87,8 @@ def test_ls_lists_the_equilibria_of_a_run(folder):
     assert "twist 1/2" in everything
     assert "saddle" in everything
     states = ribbon_json("ls", "mob")
-    assert states == Run.open("runs/mobius-0123abcd").states()
+    run = Run.open("runs/mobius-0123abcd")
+    assert states == [state.listed(run.name) for state in run.states()]
     assert states[1]["energy"] is None
     assert [state["label"] for state in ribbon_json("ls", "mob", "--all")] == [1, 2, 3, 4]
 
@@ -176,7 +177,7 @@ def test_unknown_references_are_explained(folder, ref, message):
 def test_show_tells_all_of_a_state(folder, ref):
     document = ribbon_json("show", ref)
     record = make_record(3)
-    assert document.items() >= summary(record, "mobius-0123abcd").items()
+    assert document.items() >= Summary.of(record).listed("mobius-0123abcd").items()
     assert document["topology"] == {"half_twists": 1, "sigma": -1}
     assert document["provenance"] == dict(record.provenance)
     assert document["spectra"]["physical"]["modes"] == 6
@@ -236,7 +237,7 @@ def test_export_writes_npz(folder):
     assert document == {
         "path": "other.npz",
         "format": "npz",
-        "content_sha256": summary(record)["content_sha256"],
+        "content_sha256": content_sha256(record),
     }
 
 

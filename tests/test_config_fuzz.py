@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ribbon_cli.config import ConfigError, dump_resolved, parse_config, templates
-from ribbon_cli.config.problems import MAX_PROBLEMS
+from ribbon_cli.config.mistakes import MOST_MISTAKES
 from ribbon_cli.expression import ExpressionError, evaluate
 
 BASE = templates()["mobius-pi"]
@@ -34,9 +34,9 @@ def outcome(text: str) -> str:
 def checked(error: ConfigError, text: str) -> str:
     message = str(error)
     lines = message.splitlines()
-    assert 1 <= len(lines) == len(error.problems) <= MAX_PROBLEMS + 1
+    assert 1 <= len(lines) == len(error.mistakes) <= MOST_MISTAKES + 1
     count = text.count("\n") + text.count("\r") + 1
-    for line, problem in zip(lines, error.problems, strict=True):
+    for line, problem in zip(lines, error.mistakes, strict=True):
         assert line.startswith("m.yaml:")
         assert line.isprintable()
         assert len(line) < 400

@@ -9,7 +9,7 @@ from config_samples import GOOD, KNOWN, MINIMAL, changed, problems_of
 
 from ribbon_cli.config import (
     ConfigError,
-    Problem,
+    Mistake,
     parse_config,
 )
 from ribbon_cli.errors import UsageError
@@ -397,5 +397,5 @@ def test_the_error_carries_its_problems() -> None:
         parse_config(changed("0.2, 0.5,", "0.2, -0.5,"), "mobius.yaml")
     error = caught.value
     assert isinstance(error, ConfigError)
-    assert error.problems == (Problem(6, 20, "widths[2]", "must be > 0, got -0.5"),)
+    assert error.mistakes == (Mistake(6, 20, "widths[2]", "must be > 0, got -0.5"),)
     assert str(pickle.loads(pickle.dumps(error))) == str(error)

@@ -7,11 +7,10 @@ import yaml
 from config_samples import GOOD
 
 from ribbon_cli.config import (
-    Problem,
     templates,
 )
 from ribbon_cli.config.document import read_document
-from ribbon_cli.config.problems import Problems
+from ribbon_cli.config.mistakes import Mistake, Mistakes
 
 LOADERS = [yaml.SafeLoader, *([yaml.CSafeLoader] if yaml.__with_libyaml__ else [])]
 
@@ -39,15 +38,15 @@ LOADERS = [yaml.SafeLoader, *([yaml.CSafeLoader] if yaml.__with_libyaml__ else [
     ],
 )
 def test_syntax_errors_in_plain_words(text: str, line: int, column: int, message: str, loader: type) -> None:
-    problems = Problems("m.yaml")
+    problems = Mistakes("m.yaml")
     assert read_document(text, problems, loader) is None
-    assert problems.found == [Problem(line, column, "", f"not valid YAML: {message}")]
+    assert problems.found == [Mistake(line, column, "", f"not valid YAML: {message}")]
 
 
 @pytest.mark.parametrize("loader", LOADERS)
 @pytest.mark.parametrize("escape", ["\\UFFFFFFFF", "\\U00110000", "\\q"])
 def test_bad_escapes_are_problems_with_either_parser(escape: str, loader: type) -> None:
-    problems = Problems("m.yaml")
+    problems = Mistakes("m.yaml")
     assert read_document(f'name: "{escape}"\n', problems, loader) is None
     assert [problem.line for problem in problems.found] == [1]
 
@@ -66,6 +65,6 @@ def test_bad_escapes_are_problems_with_either_parser(escape: str, loader: type) 
 def test_both_parsers_give_the_same_tree_and_positions(text: str) -> None:
     trees = []
     for loader in LOADERS:
-        problems = Problems("m.yaml")
+        problems = Mistakes("m.yaml")
         trees.append((read_document(text, problems, loader), problems.found))
     assert trees[0] == trees[1]

@@ -13,6 +13,8 @@ import yaml
 from cli_support import QUICK_MOBIUS, QUICK_RING, ribbon, ribbon_json
 
 from ribbon_cli import load_state, solve
+from ribbon_cli.analysis import continuum_of, equilibrium_residuals, multiplier_curves
+from ribbon_cli.analysis.continuum import BALANCE, ENERGY, LIMITS, MULTIPLIERS, SEAM
 from ribbon_cli.errors import UsageError
 from ribbon_cli.report.continuum import (
     Continuum,
@@ -24,8 +26,6 @@ from ribbon_cli.report.continuum import (
     tables_text,
 )
 from ribbon_cli.store import encode
-from ribbon_cli.study import continuum_of, equilibrium_residuals, multiplier_curves
-from ribbon_cli.study.continuum import BALANCE, ENERGY, LIMITS, MULTIPLIERS, SEAM
 
 TABLES = {"run", "tables"}
 
@@ -154,11 +154,12 @@ def test_residuals_as_functions_of_arclength(runs: Path) -> None:
 
 def test_the_documents_configs_are_those_of_the_repository() -> None:
     root = Path(__file__).parent.parent
+    configs = root / "configs" / "studies"
     page = (root / "docs" / "continuum.md").read_text(encoding="utf-8")
     shown = re.findall(r"^```yaml\n# (\S+)\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
     assert [name for name, _ in shown] == ["continuum-pi.yaml", "continuum-ring.yaml"]
     for name, text in shown:
-        assert yaml.safe_load(text) == yaml.safe_load((root / "configs" / name).read_text(encoding="utf-8"))
+        assert yaml.safe_load(text) == yaml.safe_load((configs / name).read_text(encoding="utf-8"))
 
 
 def test_auxiliary_states_and_coarse_ones_are_refused(runs: Path) -> None:

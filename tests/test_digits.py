@@ -5,6 +5,7 @@ from __future__ import annotations
 import doctest
 
 import pytest
+from store_support import make_summary
 
 from ribbon_cli import digits
 from ribbon_cli.cli.render import states_table, targets_table
@@ -75,32 +76,20 @@ def tiny_table():
     ],
 )
 def test_tables_of_small_energies_keep_their_digits(tiny_table, form, written):
-    text = RENDERERS[form](tiny_table, ())
+    text = RENDERERS[form](tiny_table)
     assert written in text
     assert "0.00000894" not in text
     assert "0.000008" not in text
 
 
 def test_latex_has_no_exponent_of_programs(tiny_table):
-    text = RENDERERS["latex"](tiny_table, ())
+    text = RENDERERS["latex"](tiny_table)
     assert "e-0" not in text
     assert r"\times 10^{-6}$" in text.partition(r"\end{tabular}")[2]  # in the sentences, too
 
 
 def test_listings_of_small_energies_keep_their_digits():
-    state = {
-        "label": 1,
-        "half_width": 1e-6,
-        "segments": 40,
-        "energy": TINY,
-        "status": "minimum",
-        "kind": "equilibrium",
-        "linking_number": 0.5,
-        "self_contact": False,
-        "kkt_residual": 1e-15,
-        "constraint_residual": 1e-15,
-        "certified": True,
-    }
+    state = make_summary(half_width=1e-6, energy=TINY)
     assert "8.94979739e-06" in states_table([state], kinds=False)
     target = Target(1e-6, 40, 1, True, True, "")
     assert "8.94979739e-06" in targets_table([target], {1: state})

@@ -26,7 +26,9 @@ def between(band: Band) -> Array:
 
 
 def distance(state: State, alpha: Array) -> Array:
-    return distance_to(state.band, inflections(state.band, geometry(state).kappa_s), alpha)
+    return distance_to(
+        state.band, inflections(geometry(state).kappa_s, state.band.length, state.band.sigma), alpha
+    )
 
 
 def kkt(state: State, multipliers: Multipliers) -> float:

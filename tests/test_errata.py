@@ -14,12 +14,12 @@ import sympy as sp
 from numeric_support import Array, ladder, load, ring
 from sympy import Matrix, cosh, tanh
 
+from paper.table import agrees_as_printed, thesis_table
 from ribbon_cli.model.band import Discretisation, Multipliers, State
 from ribbon_cli.model.constraints import sech_squared
 from ribbon_cli.model.energy import coth_factor
 from ribbon_cli.model.geometry import geometry
 from ribbon_cli.model.problem import Problem
-from ribbon_cli.report.convergence import agrees_as_printed, thesis_table
 from ribbon_cli.solver.continuation import to_segments, to_width
 from ribbon_cli.solver.newton import Options, solve
 from ribbon_cli.solver.prolongation import Phase, phase_of, smooth

@@ -60,7 +60,7 @@ def test_everted_cylinders_are_certified_minima(tmp_path: Path, segments: int) -
     run, code = everted(tmp_path, segments)
     assert code == 0
     (summary,) = run.states()
-    record = run.load(summary["label"])
+    record = run.load(summary.label)
     assert record.certified
     assert record.linking_number == pytest.approx(0.0, abs=1e-6)
     assert int((np.sign(record.kappa_s) != np.sign(np.roll(record.kappa_s, 1))).sum()) == 2
@@ -72,11 +72,11 @@ def test_everted_cylinders_are_certified_minima(tmp_path: Path, segments: int) -
 
 def test_the_stages_are_stored_with_the_rejoined_band(tmp_path: Path) -> None:
     run, _ = everted(tmp_path, 40, steps=10)
-    auxiliary = [s for s in run.states(all=True) if s["kind"] == "auxiliary"]
-    names = [s["stage"] for s in auxiliary]
+    auxiliary = [s for s in run.states(all=True) if s.kind == "auxiliary"]
+    names = [s.stage for s in auxiliary]
     assert names[:11] == [f"eversion {k}/10" for k in range(11)]
-    solved = [s for s in auxiliary if s["stage"].startswith("eversion")]
-    assert all(s["certified"] and abs(s["linking_number"]) < 1e-9 for s in solved)
+    solved = [s for s in auxiliary if s.stage.startswith("eversion")]
+    assert all(s.certified and abs(s.linking_number) < 1e-9 for s in solved)
     last, joined = run.load(solved[-1]["label"]), run.load(auxiliary[-1]["label"])
     assert joined.stage == "halves rejoined"
     assert joined.cut_node is None
@@ -95,20 +95,20 @@ def test_steps_that_fail_are_halved_and_reported(tmp_path: Path) -> None:
     run, code = everted(tmp_path, 40, steps=1)
     assert code == 0
     states = run.states(all=True)
-    solved = [s for s in states if s["stage"].startswith("eversion")]
-    assert [s["stage"] for s in solved] == ["eversion 0/1", "eversion 0.5/1", "eversion 1/1"]
-    assert [len(s["events"]) for s in solved] == [0, 1, 0]
+    solved = [s for s in states if s.stage.startswith("eversion")]
+    assert [s.stage for s in solved] == ["eversion 0/1", "eversion 0.5/1", "eversion 1/1"]
+    assert [len(s.events) for s in solved] == [0, 1, 0]
     assert "a step from eversion 0/1 to 1 failed, halved" in solved[1]["events"][0]
     assert solved[1]["parent"] == solved[0]["label"]
-    assert states[-1]["energy"] == pytest.approx(0.640012967, abs=5e-10)
+    assert states[-1].energy == pytest.approx(0.640012967, abs=5e-10)
     assert len(everted(tmp_path, 40, steps=1)[0].states(all=True)) == len(states)
 
 
 def test_the_half_turn_is_stored_as_pieces(tmp_path: Path) -> None:
     """From the last auxiliary band, cut, to the joined one: each piece moves rigidly, as Figure 3.2 shows."""
     run, _ = everted(tmp_path, 40, steps=5)
-    records = [run.load(s["label"]) for s in run.states(all=True) if s["status"] == "constructed"]
-    whole = next(run.load(s["label"]) for s in run.states(all=True) if s["stage"] == "eversion 5/5")
+    records = [run.load(s.label) for s in run.states(all=True) if s.status == "constructed"]
+    whole = next(run.load(s.label) for s in run.states(all=True) if s.stage == "eversion 5/5")
     *pieces, joined = records
     names = ["cut along both rulings", "half turned 1/4", "half turned 2/4", "half turned 3/4"]
     assert [r.stage for r in pieces] == names
@@ -141,7 +141,7 @@ def test_other_lengths_give_the_same_shape(tmp_path: Path) -> None:
     for k, length in enumerate((2 * math.pi, 1.0)):
         run, code = everted(tmp_path / str(k), 40, 0.03 * length / (2 * math.pi), length)
         assert code == 0
-        energies.append(run.states()[0]["energy"])
+        energies.append(run.states()[0].energy)
     assert energies[1] == pytest.approx(energies[0], rel=1e-9)
 
 
@@ -150,8 +150,8 @@ def test_a_ring_in_the_place_of_an_everted_cylinder_is_no_success(tmp_path: Path
     run, code = everted(tmp_path, 20)
     assert code == 3
     (state,) = run.states()
-    assert (state["status"], state["certified"]) == ("saddle", False)
-    assert not_everted(state_of(run.load(state["label"]))) is None
+    assert (state.status, state.certified) == ("saddle", False)
+    assert not_everted(state_of(run.load(state.label))) is None
 
 
 def test_the_ring_is_not_everted() -> None:

@@ -53,7 +53,7 @@ def run_of(root: Path, name: str) -> Run:
 
 def last(root: Path, name: str) -> StateRecord:
     run = run_of(root, name)
-    return run.load(run.states(all=True)[-1]["label"])
+    return run.load(run.states(all=True)[-1].label)
 
 
 @pytest.mark.parametrize("name", ["pi", "three", "ring", "everted"])
@@ -89,7 +89,7 @@ def test_patterns_fold_back(name, half_width, bands):
 
 def test_a_branch_stored_out_of_order_is_a_series_by_width(bands, tmp_path):
     run = run_of(bands, "branch")
-    stored = [s["half_width"] for s in run.states()]
+    stored = [s.half_width for s in run.states()]
     assert stored != sorted(stored)
     path = tmp_path / "branch.vtkhdf"
     ribbon_json("export", "branch", "--to", "vtkhdf", "-o", path, "--runs", bands)
@@ -111,7 +111,7 @@ def test_a_branch_stored_out_of_order_is_a_series_by_width(bands, tmp_path):
 def test_every_state_is_exported_or_refused_in_a_line(form, stage, bands, tmp_path):
     run = run_of(bands, "eversion")
     states = run.states(all=True)
-    (label,) = [s["label"] for s in states if stage in (s["stage"], s["status"])][-1:]
+    (label,) = [s.label for s in states if stage in (s.stage, s.status)][-1:]
     path = tmp_path / f"band.{form}"
     result = ribbon("export", f"eversion:{label}", "--to", form, "-o", path, "--runs", bands)
     if result.exit_code == 0:

@@ -18,7 +18,7 @@ from ribbon_cli.export.fold import fold_bytes
 from ribbon_cli.export.mesh import facet_corners, is_closed
 from ribbon_cli.export.pattern import fold_pattern
 from ribbon_cli.export.svg import pattern_svg
-from ribbon_cli.store import StateRecord, summary
+from ribbon_cli.store import StateRecord, Summary
 
 Array = np.ndarray
 
@@ -190,7 +190,7 @@ def test_the_seam_is_told(state):
 def test_what_a_file_says_of_itself(state):
     flat, space = frames_of(fold_bytes(state, "a band", "run-1"))
     assert (flat["file_spec"], flat["file_title"], flat["frame_unit"]) == (1.2, "a band", "unit")
-    assert flat["file_ribbon:state"] == summary(state, "run-1")
+    assert flat["file_ribbon:state"] == Summary.of(state).listed("run-1")
     assert (flat["frame_classes"], space["frame_classes"]) == (["creasePattern"], ["foldedForm"])
     assert (flat["frame_attributes"][0], space["frame_attributes"][0]) == ("2D", "3D")
     assert {"manifold", "orientable", "convexFaces"} < set(space["frame_attributes"])

@@ -31,7 +31,7 @@ from ribbon_cli.export.viewer import viewer_html
 from ribbon_cli.export.vtkhdf import vtkhdf_bytes
 from ribbon_cli.report.convergence import Table
 from ribbon_cli.report.tables import as_csv
-from ribbon_cli.store import StateRecord, content_sha256, summary
+from ribbon_cli.store import StateRecord, Summary, content_sha256
 
 
 @pytest.fixture(params=["mobius", "ring", "open"])
@@ -201,7 +201,6 @@ def test_pandas_reads_every_csv_without_being_told_anything(solved, tmp_path):  
     for name, words in {
         "state": ("export", "mobius@b=0.2,N=24", "--to", "csv"),
         "convergence": ("convergence-table", "mobius", "--format", "csv"),
-        "thesis": ("convergence-table", "mobius", "--thesis", "--format", "csv"),
         "spectrum": ("spectrum", "mobius@b=0.2,N=24", "--format", "csv"),
         "spectra": ("spectrum", "mobius", "--full", "--format", "csv"),
         "orders": ("spectrum", "mobius", "--convergence", "--format", "csv"),
@@ -249,7 +248,9 @@ def test_nothing_is_made_up_for_a_cut(solved):  # noqa: F811
 def test_json_holds_the_summary_and_the_arrays(state):
     document = json.loads(json_bytes(state, "run-1"))
     assert document["content_sha256"] == content_sha256(state)
-    assert {key: document[key] for key in summary(state, "run-1")} == summary(state, "run-1")
+    assert {key: document[key] for key in Summary.of(state).listed("run-1")} == Summary.of(state).listed(
+        "run-1"
+    )
     np.testing.assert_array_equal(document["arrays"]["g"], state.g)
     assert document["arrays"].keys() >= {"lambda_1", "gamma", "midline", "g_end"}
     for spectrum in state.spectra:

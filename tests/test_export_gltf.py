@@ -15,7 +15,7 @@ from picture_support import solved, states_of  # noqa: F401
 
 from ribbon_cli.export.gltf import glb_bytes
 from ribbon_cli.export.mesh import FACET_FIELDS, NODE_FIELDS, ODD_FIELDS, facet_corners, facet_normals
-from ribbon_cli.store import StateRecord, summary
+from ribbon_cli.store import StateRecord, Summary
 
 
 @pytest.fixture(params=["mobius", "ring", "open"])
@@ -107,7 +107,7 @@ def test_what_is_not_known_is_left_out(solved):  # noqa: F811
 def test_the_file_says_what_it_shows(state):
     asset = document_of(glb_bytes(state, "a band", "run-1"))["asset"]
     assert asset["version"] == "2.0"
-    assert asset["extras"] == {"title": "a band", "state": summary(state, "run-1")}
+    assert asset["extras"] == {"title": "a band", "state": Summary.of(state).listed("run-1")}
 
 
 def test_bounds_are_those_of_the_numbers(state):

@@ -34,7 +34,7 @@ def alone(request, tmp_path_factory):
     (run,) = list_runs(folder / "runs")
     expected = contents(run)
     if request.param == "twist":
-        assert [state["kind"] for state in run.states(all=True)].count("saddle") == 1
+        assert [state.kind for state in run.states(all=True)].count("saddle") == 1
     shutil.rmtree(folder / "runs")
     started = time.monotonic()
     assert wait(child(lambda: solve_in(folder))) == 0

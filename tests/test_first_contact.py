@@ -45,7 +45,7 @@ def solved(
 
 
 def located(run) -> list[dict]:
-    return [s for s in run.states(all=True) if any("first contact" in event for event in s["events"])]
+    return [s for s in run.states(all=True) if any("first contact" in event for event in s.events)]
 
 
 def test_three_pi_bands_meet_in_the_middle_on_two_levels(tmp_path: Path) -> None:
@@ -54,12 +54,12 @@ def test_three_pi_bands_meet_in_the_middle_on_two_levels(tmp_path: Path) -> None
     outcome = solved(tmp_path, levels=levels, contact="stop")
     assert outcome.exit_code == 0
     first, second = located(outcome.run)
-    assert (first["half_width"], first["segments"]) == (pytest.approx(0.6640, abs=2e-5), 60)
-    assert (second["half_width"], second["segments"]) == (pytest.approx(0.66471, abs=2e-5), 120)
+    assert (first.half_width, first.segments) == (pytest.approx(0.6640, abs=2e-5), 60)
+    assert (second.half_width, second.segments) == (pytest.approx(0.66471, abs=2e-5), 120)
     for state in (first, second):
-        assert (state["kind"], state["certified"], state["self_contact"]) == ("intermediate", True, True)
-        assert state["linking_number"] == pytest.approx(1.5, abs=1e-9)
-    record = outcome.run.load(first["label"])
+        assert (state.kind, state.certified, state.self_contact) == ("intermediate", True, True)
+        assert state.linking_number == pytest.approx(1.5, abs=1e-9)
+    record = outcome.run.load(first.label)
     narrower = to_width(
         state_of(record), multipliers_of(record), record.half_width - 1.01 * WITHIN, Options()
     )
@@ -75,12 +75,12 @@ def test_three_pi_bands_meet_in_the_middle_on_two_levels(tmp_path: Path) -> None
     assert again.notes[0] == outcome.notes[0]
 
 
-@pytest.mark.slow
+@pytest.mark.large
 def test_the_pi_band_meets_itself_at_the_documented_widths(tmp_path: Path) -> None:
     """All four levels of docs/recipes.md; at N = 400 sliding costs next to nothing at b = 1.514."""
     config = load_config(ROOT / "configs" / "mobius-pi-contact.yaml")
     outcome = solve_config(replace(config, spectrum=SpectrumRequest(0, 0)), tmp_path)
-    found = [(state["segments"], f"{state['half_width']:.5f}") for state in located(outcome.run)]
+    found = [(state.segments, f"{state.half_width:.5f}") for state in located(outcome.run)]
     assert found == [(50, "1.50430"), (100, "1.50955"), (200, "1.51177"), (400, "1.51238")]
     assert "tending to 1.51261 +- 0.0002, with order 1.88" in outcome.notes[-2]
     page = (ROOT / "docs" / "recipes.md").read_text(encoding="utf-8")
@@ -91,15 +91,15 @@ def test_contact_is_recorded_going_down_as_well(tmp_path: Path) -> None:
     outcome = solved(tmp_path, widths="[0.68, 0.65]", start="0.68")
     assert outcome.exit_code == 0
     (state,) = located(outcome.run)
-    assert state["half_width"] == pytest.approx(0.6640, abs=2e-5)
-    assert state["self_contact"]
-    assert outcome.run.states()[-1]["label"] == state["parent"]  # that without contact
+    assert state.half_width == pytest.approx(0.6640, abs=2e-5)
+    assert state.self_contact
+    assert outcome.run.states()[-1].label == state.parent  # that without contact
 
 
 def test_the_width_scales_with_the_length(tmp_path: Path) -> None:
     outcome = solved(tmp_path, widths="[0.325/pi, 0.34/pi]", length="1", start="0.325/pi")
     (state,) = located(outcome.run)
-    assert state["half_width"] * 2 * math.pi == pytest.approx(0.6640, abs=2e-5)
+    assert state.half_width * 2 * math.pi == pytest.approx(0.6640, abs=2e-5)
 
 
 def test_without_contact_nothing_is_located(tmp_path: Path) -> None:

@@ -36,7 +36,7 @@ def files(solved: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, P
     folder = tmp_path_factory.mktemp("hdf5")
     paths = {name: folder / f"{name}.h5" for name in FILES}
     run = run_named(solved, "mobius")
-    kinds = {state["kind"]: run.state_path(state["label"]) for state in run.states(all=True)}
+    kinds = {state.kind: run.state_path(state.label) for state in run.states(all=True)}
     shutil.copy(kinds["equilibrium"], paths["state"])
     shutil.copy(kinds["auxiliary"], paths["auxiliary"])
     paths["branch"].write_bytes(encode(Run.open(FROZEN).load(2)))
@@ -91,7 +91,7 @@ def test_h5py_reads_all_and_finds_each_axis_its_scale(name, files):
 def test_a_pack_attaches_what_its_states_do(kind, solved, tmp_path):  # noqa: F811
     run = run_named(solved, "mobius")
     ribbon_json("pack", "mobius", "-o", tmp_path / "pack.h5", "--runs", solved)
-    label = max(state["label"] for state in run.states(all=True) if state["kind"] == kind)
+    label = max(state.label for state in run.states(all=True) if state.kind == kind)
     copy = f"states/{label:04d}"
     with h5py.File(tmp_path / "pack.h5") as pack, h5py.File(run.state_path(label)) as state:
         within = {path: [[f"/{copy}{s}" for s in dim] for dim in dims] for path, dims in axes(state).items()}

@@ -8,15 +8,16 @@ from pathlib import Path
 import pytest
 from numeric_support import load
 
+from ribbon_cli.analysis import table_entries
 from ribbon_cli.config import parse_config
 from ribbon_cli.model.problem import Problem
 from ribbon_cli.report.convergence import convergence_rows
 from ribbon_cli.solver.continuation import to_segments
 from ribbon_cli.solver.kinship import another_minimum
 from ribbon_cli.solver.newton import Options, solve
-from ribbon_cli.study import refine_state, solve_config, table_entries
+from ribbon_cli.study import refine_state, solve_config
 
-SECOND = Path(__file__).parent.parent / "configs" / "data" / "pi-b0.1-N50-second-minimum.npz"
+SECOND = Path(__file__).parent.parent / "configs" / "paper" / "data" / "pi-b0.1-N50-second-minimum.npz"
 BOTH = f"""
 name: both
 topology: {{half_twists: 1}}
@@ -62,7 +63,7 @@ initial_guess: {recipe: twist, segments: 50, half_width: 0.1, steps: 50}
 spectrum: {modes: 0, full_up_to: 0}
 """
     run = solve_config(parse_config(text, "main.yaml"), tmp_path).run
-    saddle = next(s["label"] for s in run.states(all=True) if s["kind"] == "saddle")
+    saddle = next(s.label for s in run.states(all=True) if s.kind == "saddle")
     made = refine_state(tmp_path, f"{run.name}:{saddle}", levels=1)
     assert made.targets[0].certified
     assert [entry.breaks for entry in table_entries(run)] == ["", ""]

@@ -12,7 +12,8 @@ from ribbon_cli.config import parse_config
 from ribbon_cli.solver.status import Status
 from ribbon_cli.store import Run
 from ribbon_cli.store.log import format_line
-from ribbon_cli.study import judge_runs, solve_config, stepping
+from ribbon_cli.study import solve_config, stepping
+from ribbon_cli.verify import judge_runs
 
 SPECTRUM = "spectrum: {modes: 0, full_up_to: 0}\n"
 
@@ -63,7 +64,7 @@ def short_steps(monkeypatch):
 
 def stages(run: Run) -> dict[str, int]:
     """Labels of the states that end stages, by stage."""
-    return {state["stage"]: state["label"] for state in run.states(all=True) if state["kind"] != "saddle"}
+    return {state.stage: state.label for state in run.states(all=True) if state.kind != "saddle"}
 
 
 def lose(run: Run, *labels: int) -> None:
@@ -97,7 +98,7 @@ def test_no_parent_that_a_log_names_leads_astray(parent, tmp_path):
     """Be it nobody, the state itself or one that never was: what is stored is not computed again."""
     config = parse_config(CONSTRUCTED + SPECTRUM, "band.yaml")
     first = solve_config(config, tmp_path)
-    entries = first.run.events()
+    entries = [event.document for event in first.run.events()]
     (freed,) = (e for e in entries if e["event"] == "state" and e["state"]["stage"] == "construction freed")
     assert (freed["state"]["label"], freed["state"]["parent"]) == (2, 1)
     freed["state"]["parent"] = parent
@@ -158,13 +159,13 @@ def test_a_saddle_that_is_lost_is_met_again(tmp_path):
     """Though the state that ended its stage is stored: that one stays, and the saddle is as it was."""
     config = parse_config(MET + SPECTRUM, "band.yaml")
     whole = solve_config(config, tmp_path).run
-    (saddle,) = (state for state in whole.states(all=True) if state["kind"] == "saddle")
-    before = whole.load(saddle["label"])
-    lose(Run.open(whole.path), saddle["label"])
+    (saddle,) = (state for state in whole.states(all=True) if state.kind == "saddle")
+    before = whole.load(saddle.label)
+    lose(Run.open(whole.path), saddle.label)
     again = solve_config(config, tmp_path)
     assert again.new_states == 1
-    (met,) = (state for state in again.run.states(all=True) if state["kind"] == "saddle")
-    assert met["stage"] == saddle["stage"]
-    assert again.run.load(met["label"]).energy == before.energy
-    assert [target.label for target in again.targets] == [1 + saddle["label"]]
+    (met,) = (state for state in again.run.states(all=True) if state.kind == "saddle")
+    assert met.stage == saddle.stage
+    assert again.run.load(met.label).energy == before.energy
+    assert [target.label for target in again.targets] == [1 + saddle.label]
     assert solve_config(config, tmp_path).new_states == 0

@@ -116,7 +116,7 @@ def assert_same(found: Multipliers, expected: Multipliers, far: dict[str, Array]
 
 
 def far_of(state: State) -> dict[str, Array]:
-    turns = inflections(state.band, geometry(state).kappa_s)
+    turns = inflections(geometry(state).kappa_s, state.band.length, state.band.sigma)
     places = dict.fromkeys(FIELDS, facets(state.band)) | dict.fromkeys(FIELDS[1:3], nodes(state.band))
     return {name: far_half(distance_to(state.band, turns, alpha)) for name, alpha in places.items()}
 
@@ -174,12 +174,18 @@ def test_a_state_that_went_wrong_gives_large_numbers_and_no_exception() -> None:
 def test_inflections_of_known_curvatures() -> None:
     orientable, one_sided = Band(40, 0.1), Band(40, 0.1, sigma=-1)
     alpha = nodes(orientable)
-    np.testing.assert_allclose(inflections(orientable, np.sin(alpha - 1.0)), [1.0, 1.0 + np.pi], atol=5e-4)
-    np.testing.assert_allclose(inflections(one_sided, np.sin(0.5 * (alpha - 1.0))), [1.0], atol=5e-4)
-    assert inflections(orientable, np.cos(alpha) + 2.0).size == 0
+    np.testing.assert_allclose(
+        inflections(np.sin(alpha - 1.0), orientable.length, orientable.sigma), [1.0, 1.0 + np.pi], atol=5e-4
+    )
+    np.testing.assert_allclose(
+        inflections(np.sin(0.5 * (alpha - 1.0)), one_sided.length, one_sided.sigma), [1.0], atol=5e-4
+    )
+    assert inflections(np.cos(alpha) + 2.0, orientable.length, orientable.sigma).size == 0
     # Across a one-sided seam, a curvature of one sign changes it.
-    np.testing.assert_allclose(inflections(one_sided, np.ones(40)), [39.5 * one_sided.h])
-    assert inflections(orientable, np.zeros(40)).size == 0
+    np.testing.assert_allclose(
+        inflections(np.ones(40), one_sided.length, one_sided.sigma), [39.5 * one_sided.h]
+    )
+    assert inflections(np.zeros(40), orientable.length, orientable.sigma).size == 0
 
 
 def test_an_inflection_on_a_node_is_found_once() -> None:
@@ -187,7 +193,7 @@ def test_an_inflection_on_a_node_is_found_once() -> None:
     for noise in (0.0, 1e-17, -1e-17):
         curvature = np.sin(nodes(band))
         curvature[[0, 20]] = noise
-        np.testing.assert_allclose(inflections(band, curvature), [0.0, np.pi], atol=1e-12)
+        np.testing.assert_allclose(inflections(curvature, band.length, band.sigma), [0.0, np.pi], atol=1e-12)
 
 
 def test_distance_is_measured_around_the_band() -> None:

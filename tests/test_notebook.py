@@ -1,24 +1,23 @@
-"""The documentation's notebook runs from top to bottom, and shows what it says.
-
-Cells are executed here as a notebook would: in order, in one namespace, with the last expression shown by the
-methods that notebooks ask for. nbclient and ipykernel would bring thirty packages and a process behind
-sockets for that.
-"""
+"""The documentation's notebook runs from top to bottom, and shows what it says, as on the site."""
 
 from __future__ import annotations
 
 import ast
 import json
+import sys
 from pathlib import Path
 from typing import Any
 
 import matplotlib
 import matplotlib.pyplot
 import pytest
-from matplotlib.axes import Axes
 
-NOTEBOOK = Path(__file__).parent.parent / "docs" / "notebook.ipynb"
-WAYS = ("_repr_png_", "_repr_html_")
+DOCS = Path(__file__).parent.parent / "docs"
+sys.path.insert(0, str(DOCS / "site"))
+
+from notebook_page import run_cell  # noqa: E402
+
+NOTEBOOK = DOCS / "notebook.ipynb"
 
 
 def cells() -> list[str]:
@@ -26,27 +25,6 @@ def cells() -> list[str]:
     assert (document["nbformat"], document["nbformat_minor"]) == (4, 5)
     assert len({cell["id"] for cell in document["cells"]}) == len(document["cells"])
     return ["".join(cell["source"]) for cell in document["cells"] if cell["cell_type"] == "code"]
-
-
-def shown(value: Any) -> str:
-    """What a notebook shows of a value: an image, HTML or text."""
-    if isinstance(value, Axes) or (isinstance(value, list) and value):  # pyplot's figures are shown by it
-        return "picture" if matplotlib.pyplot.get_fignums() else ""
-    for way in WAYS:
-        method = getattr(value, way, None)
-        if method is not None and (found := method()) is not None:
-            return "picture" if way == "_repr_png_" else str(found)
-    return repr(value)
-
-
-def run_cell(text: str, names: dict[str, Any]) -> str:
-    tree = ast.parse(text)
-    last = tree.body.pop() if isinstance(tree.body[-1], ast.Expr) else None
-    exec(compile(tree, "<cell>", "exec"), names)
-    if last is None:
-        return ""
-    assert isinstance(last, ast.Expr)
-    return shown(eval(compile(ast.Expression(last.value), "<cell>", "eval"), names))
 
 
 @pytest.fixture
@@ -69,7 +47,8 @@ def test_the_notebook_runs(tmp_path, monkeypatch, pictures):
     monkeypatch.chdir(tmp_path)
     monkeypatch.delenv("RIBBON_RUNS", raising=False)
     names: dict[str, Any] = {}
-    outputs = {text: run_cell(text, names) for text in cells()}
+    shown = {text: run_cell(text, names) for text in cells()}
+    outputs = {text: one.kind if one.kind == "picture" else one.text for text, one in shown.items()}
     last = {text.splitlines()[-1]: output for text, output in outputs.items()}
     assert last["outcome.exit_code"] == "0"
     assert "6 of 6 equilibria certified" in last["run"]

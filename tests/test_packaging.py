@@ -69,7 +69,7 @@ def test_files_of_data_are_installed():
         path
         for package, patterns in data.items()
         for p in patterns
-        for path in (ROOT / package.replace(".", "/")).glob(p)
+        for path in ROOT.glob("ribbon_cli/**/" + p if package == "*" else f"{package.replace('.', '/')}/{p}")
     }
     there = {path for path in (ROOT / "ribbon_cli").rglob("*") if path.is_file()}
     assert {path for path in there - named if path.suffix not in (".py", ".pyc")} == set()

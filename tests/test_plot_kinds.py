@@ -1,9 +1,8 @@
-"""`ribbon plot`, `ribbon report` and the figures of chapter 3, on small runs."""
+"""`ribbon plot` and `ribbon report`, on small runs."""
 
 from __future__ import annotations
 
 import re
-import subprocess
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,12 +14,8 @@ from picture_support import run_named, solved, states_of  # noqa: F401
 
 from ribbon_cli.cli.export_command import EXPORT_FORMATS
 from ribbon_cli.cli.plot_command import PLOT_KINDS
-from ribbon_cli.config import load_config
 from ribbon_cli.errors import UsageError
 from ribbon_cli.export.formats import FORMATS
-from ribbon_cli.paper import claims
-from ribbon_cli.paper.figures import ITEMS
-from ribbon_cli.paper.make import make
 from ribbon_cli.plot.branches import _tame
 from ribbon_cli.plot.curves import geometry_figure
 from ribbon_cli.plot.figure import add_caption, state_caption
@@ -227,7 +222,7 @@ def test_a_report_needs_nothing_else(solved, tmp_path):  # noqa: F811
     run = run_named(solved, "mobius")
     assert run.name in text
     for state in run.states():
-        assert f'<td class="n">{state["energy"]:.9f}</td>' in text
+        assert f'<td class="n">{state.energy:.9f}</td>' in text
     assert text.count("data:image/png;base64,") >= 6
     assert "recipe: twist" in text
     assert "version_numpy" in text
@@ -235,73 +230,3 @@ def test_a_report_needs_nothing_else(solved, tmp_path):  # noqa: F811
     assert not re.search(r"""(src|href)=["'](?!data:)""", text)
     assert "default-src 'none'" in text
     assert ribbon("report", "mobius", "-o", path, "--runs", solved).exit_code == 2
-
-
-def test_figures_have_configs_and_targets():
-    for item in ITEMS.values():
-        for config in item.configs:
-            assert load_config(ROOT / "configs" / "paper" / f"{config}.yaml").name == f"paper-{config}"
-    figures = {f"figure-3.{k}" for k in range(1, 15)}
-    assert set(ITEMS) == figures | {"table-3.1"}
-    done = subprocess.run(
-        ["make", "--dry-run", *figures], cwd=ROOT, capture_output=True, text=True, timeout=60, check=True
-    )
-    assert {line.split()[-1] for line in done.stdout.splitlines() if "ribbon_cli.paper" in line} == figures
-
-
-def test_one_figure_alone(tmp_path):
-    """Figure 3.1, twice: the second time nothing is solved, and every file is the same."""
-    said: list[str] = []
-    before: dict[str, bytes] = {}
-    for _ in range(2):
-        made = make(
-            ["figure-3.1"], ROOT / "configs" / "paper", tmp_path / "runs", tmp_path / "paper", said.append
-        )
-        files = {path.name: path.read_bytes() for path in (tmp_path / "paper").iterdir()}
-        panels = ("", "-a", "-b", "-c")
-        assert set(files) == {f"figure-3.1{panel}.{form}" for panel in panels for form in ("pdf", "png")}
-        assert len(made["figure-3.1"].sources) == 3
-        before = before or files
-        assert files == before
-    with pytest.raises(UsageError, match=r"no figure 'figure-3.15'"):
-        make(["figure-3.15"], ROOT, tmp_path, tmp_path, said.append)
-
-
-# --- claims ---
-
-
-def test_claims_about_the_pi_band(solved):  # noqa: F811
-    state = states_of(solved, "mobius")[-1]
-    assert claims.inflection_count(state, 1).agrees
-    assert not claims.inflection_count(state, 3).agrees
-    assert claims.half_turn_symmetry(state).agrees
-    assert not claims.period(state, "tau", 2, 1, "periodic", "it is not").agrees
-    assert claims.period(state, "tau", 1, 1, "after the whole length").agrees
-    # Across the seam kappa_s comes back with the opposite sign.
-    assert claims.period(state, "kappa_s", 1, -1, "antiperiodic").agrees
-    assert all(check.agrees for check in claims.largest_at_inflections(state, ("lambda_5",)))
-    assert claims.certified_minima(states_of(solved, "mobius")).agrees
-
-
-def test_claims_about_a_ring(solved):  # noqa: F811
-    state = states_of(solved, "ring")[-1]
-    assert not claims.inflection_count(state, 2).agrees
-    assert not claims.half_a_band_apart(state).agrees
-    assert not claims.contact_width([], "1.5").agrees
-
-
-def test_claims_about_contact():
-    touching = {"self_contact": True, "certified": True, "segments": 100, "half_width": 1.51}
-    apart = touching | {"self_contact": False, "half_width": 1.4}
-    finer = touching | {"segments": 200, "half_width": 1.512}
-    assert claims.contact_width([apart, touching, finer], "1.5").agrees
-    assert not claims.contact_width([apart, touching, finer], "1.50").agrees
-    assert not claims.contact_width([apart], "1.4").agrees
-
-
-def test_half_of_a_spectrum():
-    low, high = np.linspace(0.01, 0.02, 50), np.linspace(1.0, 2.0, 50)
-    falling = [(n, np.concatenate((low / n, high))) for n in (1, 2, 4)]
-    assert [check.agrees for check in claims.half_vanish(falling, "made up")] == [True, True]
-    steady = [(n, np.concatenate((low, high))) for n in (1, 2, 4)]
-    assert [check.agrees for check in claims.half_vanish(steady, "made up")] == [True, False]

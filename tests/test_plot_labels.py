@@ -11,7 +11,7 @@ import pytest
 from cli_support import QUICK_RING, ribbon, ribbon_json
 from matplotlib.figure import Figure
 from picture_support import run_named, solved, states_of  # noqa: F401
-from store_support import make_record, make_spectrum
+from store_support import make_record, make_spectrum, make_summary
 
 from ribbon_cli import solve
 from ribbon_cli.config import parse_config
@@ -25,7 +25,7 @@ from ribbon_cli.plot.levels import convergence_figure, draw_spectra, spectrum_fi
 from ribbon_cli.plot.pictures import family_figure
 from ribbon_cli.plot.style import STYLES, styled
 from ribbon_cli.report.convergence import Entry, convergence_rows
-from ribbon_cli.store import StateRecord, encode
+from ribbon_cli.store import StateRecord, Summary, encode
 
 STYLE = STYLES["paper"]
 
@@ -149,12 +149,8 @@ def test_rows_of_other_meshes_have_legends_of_their_own(solved):  # noqa: F811
 
 
 def test_branches_are_numbered_in_the_legend():
-    def course(*places: tuple[float, float]) -> list[dict]:
-        return [
-            {"label": k, "half_width": b, "energy": e, "length": 6.28, "clearance": 0.1}
-            | {"negative_eigenvalues": 0, "branch": None}
-            for k, (b, e) in enumerate(places)
-        ]
+    def course(*places: tuple[float, float]) -> list[Summary]:
+        return [make_summary(half_width=b, energy=e, negative_eigenvalues=0) for b, e in places]
 
     up, mirrored = course((0.1, 0.2), (0.2, 0.5)), course((0.1, 0.2), (0.2, 0.5))
     down = course((0.1, 0.2), (0.05, 0.1))
@@ -167,10 +163,15 @@ def test_the_contact_drawn_is_that_of_the_mesh_drawn(solved, monkeypatch):  # no
     run = run_named(solved, "mobius")
     found = {all: run.states(all) for all in (False, True)}
     states = found[True]
-    met = {"self_contact": True, "certified": True, "kind": "intermediate"}
-    stage = "contact between b = 0.1 and b = 0.2"
+    met = replace(
+        states[-1],
+        self_contact=True,
+        certified=True,
+        kind="intermediate",
+        stage="contact between b = 0.1 and b = 0.2",
+    )
     located = [
-        states[-1] | met | {"segments": n, "half_width": b, "stage": stage, "events": [event]}
+        replace(met, segments=n, half_width=b, events=(event,))
         for n, b, event in (
             (24, 0.15, "first contact: facets 3 and 9 meet"),
             (24, 0.18, "contact ends: facets 3 and 9 meet"),
@@ -188,7 +189,7 @@ def test_widths_that_are_left_out_are_counted(solved, monkeypatch):  # noqa: F81
     monkeypatch.setattr("ribbon_cli.plot.kinds.MOST_SHAPES", 1 + 1)
     run = run_named(solved, "mobius")
     states = run.states()
-    more = [state | {"half_width": state["half_width"] + 0.05} for state in states]
+    more = [replace(state, half_width=state.half_width + 0.05) for state in states]
     source = Source(run, (), pytest.fail, pytest.fail)
     for kind in ("geometry", "family"):
         assert "of 2" not in draw(kind, source, STYLE).title
@@ -200,7 +201,7 @@ def test_widths_that_are_left_out_are_counted(solved, monkeypatch):  # noqa: F81
 def test_states_of_other_branches_at_the_same_width_are_counted(solved, monkeypatch):  # noqa: F811
     run = run_named(solved, "mobius")
     states = run.states()
-    again = [state | {"label": 1, "certified": False} for state in states if state["half_width"] == 0.2]
+    again = [replace(state, label=1, certified=False) for state in states if state.half_width == 0.2]
     source = Source(run, (), pytest.fail, pytest.fail, segments=48)
     assert draw("branch", source, STYLE).title == "Branch in the width"
     monkeypatch.setattr(type(run), "states", lambda self, all=False: [*states, *again])

@@ -17,6 +17,7 @@ from matplotlib.legend import Legend
 from matplotlib.lines import Line2D
 from picture_support import run_named, solved, states_of  # noqa: F401
 from PIL import Image
+from store_support import make_summary
 
 from ribbon_cli.errors import UsageError
 from ribbon_cli.plot.branches import arclength_figure
@@ -28,6 +29,7 @@ from ribbon_cli.plot.modes import ModeShape
 from ribbon_cli.plot.runs import MOST_RUNS, runs_figure
 from ribbon_cli.plot.style import MOST_LOOKS, STYLES, branch_look, line_look, marked_look, of_width, styled
 from ribbon_cli.report.convergence import Entry, Table, convergence_rows
+from ribbon_cli.store import Summary
 
 STYLE = STYLES["paper"]
 
@@ -64,15 +66,11 @@ def widths(count: int) -> Table:
     )
 
 
-def course(name: str, b: float, **more: Any) -> list[dict[str, Any]]:
+def course(name: str, b: float, **more: Any) -> list[Summary]:
     """A branch of four points from b on."""
-    return [
-        {"label": k, "half_width": b + 0.1 * k, "energy": 2.0 + b, "length": 6.28, "clearance": 0.1}
-        | {"negative_eigenvalues": 0, "segments": 24, "certified": True, "self_contact": False}
-        | {"branch": None}
-        | more
-        for k in range(4)
-    ]
+    like = {"energy": 2.0 + b, "clearance": 0.1, "negative_eigenvalues": 0, "segments": 24} | more
+    first = make_summary(**like)
+    return [replace(first, label=k + 1, half_width=b + 0.1 * k) for k in range(4)]
 
 
 def source_of(kind: str, root: Path) -> Source:
@@ -249,7 +247,7 @@ def test_a_branch_beside_another_runs_names_both(solved, tmp_path):  # noqa: F81
     (axes,) = figure.axes
     drawn = {tuple(line.get_ydata()) for line in axes.get_lines()}
     for run, n in ((mobius, 48), (ring, 24)):
-        assert tuple(s["energy"] for s in run.states() if s["segments"] == n) in drawn
+        assert tuple(s.energy for s in run.states() if s.segments == n) in drawn
     assert_told_apart(figure, grey=True)
 
 

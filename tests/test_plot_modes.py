@@ -9,14 +9,16 @@ import pytest
 from cli_support import ribbon_json
 from picture_support import solved, states_of  # noqa: F401
 from PIL import Image
+from store_support import make_summary
 
+from ribbon_cli.analysis import multiplier_curves, stability_of
 from ribbon_cli.errors import UsageError
 from ribbon_cli.export.mesh import facet_corners, is_closed
 from ribbon_cli.plot.branches import _stretches, arclength_figure
 from ribbon_cli.plot.curves import multipliers_figure
 from ribbon_cli.plot.modes import LARGEST, STEPS, ModeShape, amplitude, displaced, mode_animation, mode_figure
 from ribbon_cli.plot.style import STYLES
-from ribbon_cli.study import multiplier_curves, stability_of
+from ribbon_cli.store import BranchSummary
 
 BAND = "mobius@b=0.2,N=48"
 STYLE = STYLES["paper"]
@@ -146,9 +148,8 @@ def test_spectra_of_runs_stand_in_rows(solved, tmp_path):  # noqa: F811
 
 def point(b, negative, kind=None, before=None, after=None):
     """A summary of a point on a branch."""
-    branch = {"type": kind, "index_before": before, "index_after": after, "lowest_eigenvalue": 0.1}
-    whole = {"label": 1, "half_width": b, "energy": 1.0, "length": 6.28, "clearance": 0.1}
-    return whole | {"negative_eigenvalues": negative} | ({"branch": branch} if kind else {})
+    branch = BranchSummary("up", kind, 0.0, 1.0, before, after, 0.1, None) if kind else None
+    return make_summary(half_width=b, energy=1.0, clearance=0.1, negative_eigenvalues=negative, branch=branch)
 
 
 def test_dashes_tell_the_index():

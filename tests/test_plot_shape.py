@@ -12,8 +12,6 @@ from picture_support import solved, states_of  # noqa: F401
 from ribbon_cli.export.fields import even_window, field, inflections
 from ribbon_cli.export.mesh import facet_corners, facet_normals, strip
 from ribbon_cli.export.view import automatic_view, principal_axes, view_along, view_in_axes
-from ribbon_cli.model import staggered
-from ribbon_cli.model.band import Band
 from ribbon_cli.plot.outline import SPECK, _edge
 from ribbon_cli.plot.painter import depth_order, hidden
 from ribbon_cli.plot.pictures import _common_views
@@ -186,17 +184,17 @@ def test_inflections_are_found_between_nodes(solved):  # noqa: F811
     assert inflections(replace(state, kappa_s=np.cos(alpha) + 2.0, sigma=1)).size == 0
 
 
-def test_inflections_are_those_of_the_model(solved):  # noqa: F811
-    """Also where kappa_s is flat over several nodes, as in the constructions of bands with n half-twists."""
+def test_inflections_are_found_among_flat_nodes(solved):  # noqa: F811
+    """As in the constructions of bands with n half-twists; interpolation is exact for a linear curvature."""
     (state, *_) = states_of(solved, "mobius")
     n = state.segments
-    band = Band(n, state.half_width, state.length, state.sigma)
-    wave = np.cos(0.5 * (np.arange(n) * state.length / n - 1.0))
-    flat = np.where(np.abs(wave) < 0.4, 1e-12 * wave, wave)
-    for kappa in (state.kappa_s, wave, flat, np.zeros(n), np.where(np.arange(n) == 3, 0.0, wave)):
-        found = inflections(replace(state, kappa_s=kappa))
-        np.testing.assert_allclose(found, staggered.inflections(band, kappa), atol=1e-12)
-        assert found.size == (1 if kappa.any() else 0)
+    slope = 1.0 + np.pi - np.arange(n) * state.length / n
+    flat = np.where(np.abs(slope) < 0.4, 1e-12 * slope, slope)
+    for kappa in (slope, flat, np.where(np.arange(n) == 3, 0.0, slope)):
+        found = inflections(replace(state, kappa_s=kappa, sigma=-1))
+        np.testing.assert_allclose(found, [1.0 + np.pi], atol=1e-12)
+    assert inflections(state).size == 1
+    assert inflections(replace(state, kappa_s=np.zeros(n))).size == 0
 
 
 @pytest.mark.parametrize(("n", "most"), [(10, 72), (73, 72), (160, 72), (3200, 72), (3200, 24)])

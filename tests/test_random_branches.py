@@ -78,7 +78,7 @@ def follow(k: int, folder: Path) -> Iterator[dict[str, Any]]:
     (run,) = list_runs(runs)
     if not run.states():
         return
-    label = run.states()[0]["label"]
+    label = run.states()[0].label
     result = ribbon("-q", "--runs", runs, "continue", f"drawn:{label}", *options, "--json")
     line = " ".join(options)
     assert result.exit_code in (0, 2, 3), (k, result.output, config, line)
@@ -99,9 +99,9 @@ def false_certificates(runs: Path) -> list[str]:
     found = []
     (run,) = list_runs(runs)
     for state in run.states(all=True):
-        if state["negative_eigenvalues"] is None or state["kind"] == "auxiliary":
+        if state.negative_eigenvalues is None or state.kind == "auxiliary":
             continue
-        record = run.load(state["label"])
+        record = run.load(state.label)
         problem = Problem(state_of(record).band)
         x = state_of(record).vector()
         local = problem.local_derivatives(x, multipliers_of(record))

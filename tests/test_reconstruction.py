@@ -148,7 +148,9 @@ def test_at_an_inflection_the_surface_itself_is_not_that_of_the_limit() -> None:
         shape = Reconstruction(state)
         alpha, weight = shape.quadrature()
         excess = weight * (shape.surface_density(alpha) - shape.density(alpha))
-        distance = distance_to(state.band, inflections(state.band, geometry(state).kappa_s), alpha)
+        distance = distance_to(
+            state.band, inflections(geometry(state).kappa_s, state.band.length, state.band.sigma), alpha
+        )
         far.append(abs(float(excess[far_half(distance)].sum())))
         near.append(float(excess[distance < 2 * state.band.h].sum()))
         assert abs(excess[distance >= 2 * state.band.h].sum()) < 0.01

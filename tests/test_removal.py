@@ -16,8 +16,9 @@ from ribbon_cli.errors import StoreError, UsageError
 from ribbon_cli.store import Run
 from ribbon_cli.store.folder import state_files
 from ribbon_cli.store.verification import check_folder
-from ribbon_cli.study import continue_state, courses, refine_state, removal_of, solve_config, verify
+from ribbon_cli.study import continue_state, courses, refine_state, removal_of, solve_config
 from ribbon_cli.text import ranges
+from ribbon_cli.verify import verify
 
 CONFIG = """\
 name: ring

@@ -12,7 +12,7 @@ from cli_support import QUICK_MOBIUS, content_hashes, parse_json, run, spawn, st
 
 from ribbon_cli.store import list_runs
 
-KILLS = 6
+KILLS = 3
 
 
 def solve(folder: Path, *words: str) -> dict[int, str]:

@@ -20,8 +20,8 @@ from ribbon_cli.store import Run, StateRecord, encode, write_atomic
 from ribbon_cli.store.layout import BRANCH, SPECTRUM, STATE
 from ribbon_cli.study.clock import Clock
 from ribbon_cli.study.records import Reached, build_record, multipliers_of, state_of
-from ribbon_cli.study.sameness import judge
-from ribbon_cli.study.verification import residuals
+from ribbon_cli.verify.recompute import residuals
+from ribbon_cli.verify.sameness import judge
 
 HOW = {"label", "stage", "parent", "parent_ref", "method", "newton_steps", "events", "message", "name"}
 """Fields that say how a state was reached, and where it stands: no part of what it is."""
@@ -44,8 +44,8 @@ def branch(tmp_path_factory: pytest.TempPathFactory) -> Run:
 
 @pytest.fixture(scope="module")
 def minimum(made: Run) -> StateRecord:
-    (state,) = (s for s in made.states() if s["half_width"] == 0.2 and s["segments"] == 24)
-    return made.load(state["label"])
+    (state,) = (s for s in made.states() if s.half_width == 0.2 and s.segments == 24)
+    return made.load(state.label)
 
 
 def again(record: StateRecord, x: np.ndarray, multipliers: np.ndarray | None = None) -> StateRecord:
@@ -132,20 +132,18 @@ def test_a_state_that_states_smaller_residuals_than_it_has_is_different(minimum)
 
 
 def test_other_minima_are_different(made):
-    records = [made.load(state["label"]) for state in made.states()]
+    records = [made.load(state.label) for state in made.states()]
     for k, one in enumerate(records):
         for two in records[:k]:
             assert judge(one, two).answer == "different"
 
 
 def test_a_saddle_is_not_the_minimum_beside_it(made):
-    saddles = [s for s in made.states(all=True) if s["kind"] == "saddle"]
+    saddles = [s for s in made.states(all=True) if s.kind == "saddle"]
     minima = made.states()
     for saddle in saddles:
-        beside = [s for s in minima if s["half_width"] == saddle["half_width"]]
-        assert all(
-            judge(made.load(saddle["label"]), made.load(s["label"])).answer == "different" for s in beside
-        )
+        beside = [s for s in minima if s.half_width == saddle.half_width]
+        assert all(judge(made.load(saddle.label), made.load(s.label)).answer == "different" for s in beside)
 
 
 def forged(value: object) -> object:
@@ -201,7 +199,7 @@ def test_a_spectrum_that_one_record_has_not_makes_them_different(minimum):
 
 @pytest.mark.parametrize("name", [item.field for item in BRANCH if item.field not in HOW])
 def test_every_field_of_a_point_on_a_branch_is_looked_at(branch, name):
-    point = next(branch.load(s["label"]) for s in branch.states() if branch.load(s["label"]).branch)
+    point = next(branch.load(s.label) for s in branch.states() if branch.load(s.label).branch)
     value = getattr(point.branch, name)
     if name == "soft_mode":
         value = point.branch.tangent

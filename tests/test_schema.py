@@ -1,4 +1,4 @@
-"""The table of a config's keys, and what follows from it: schema, README, defaults, bounds."""
+"""The table of a config's keys, and what follows from it: schema, reference, defaults, bounds."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ from ribbon_cli.config import (
     templates,
 )
 from ribbon_cli.config.document import Node
+from ribbon_cli.config.json_schema import schema
 from ribbon_cli.config.keys import Integer, Text
-from ribbon_cli.config.problems import Problems
+from ribbon_cli.config.mistakes import Mistakes
 from ribbon_cli.config.reader import Reader
-from ribbon_cli.config.schema import schema
 from ribbon_cli.expression import PATTERN, ExpressionError, evaluate
 
 ROOT = Path(__file__).parent.parent
@@ -264,7 +264,7 @@ def test_bounds_are_the_same_to_both(path: str) -> None:
             texts += [str(n) for n in (takes.low - 1, takes.low, takes.high, takes.high + 1)]
         for text in texts:
             try:
-                value = Reader(Problems("")).read(Node(1, 1, "scalar", text), path, takes)
+                value = Reader(Mistakes("")).read(Node(1, 1, "scalar", text), path, takes)
             except TypeError:
                 return
             loaded: Any = yaml.load(text, Yaml12)
@@ -337,7 +337,7 @@ def test_runs_keep_their_names(text: str) -> None:
 
 
 def test_the_readme_has_the_table() -> None:
-    section = (ROOT / "README.md").read_text(encoding="utf-8").partition("## The config\n")[2]
+    section = (ROOT / "docs/reference/config.md").read_text(encoding="utf-8").partition("## The keys\n")[2]
     table = [line for line in section.partition("\n## ")[0].splitlines() if line.startswith("| ")]
     assert table[1:] == rows()
 

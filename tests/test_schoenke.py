@@ -146,7 +146,7 @@ def test_the_three_pi_band(tmp_path: Path, hand: int) -> None:
         closed = np.append(record.kappa_s, -record.kappa_s[0])
         assert int((np.sign(closed[1:]) != np.sign(closed[:-1])).sum()) == 3
     states = outcome.run.states(all=True)
-    assert (states[0]["stage"], states[0]["status"], states[0]["kind"]) == (
+    assert (states[0].stage, states[0].status, states[0].kind) == (
         "construction",
         "constructed",
         "auxiliary",
@@ -158,8 +158,8 @@ def test_the_five_pi_band_is_a_saddle_and_kept_as_one(tmp_path: Path) -> None:
     outcome = solved(tmp_path, 5, 80, 0.1)
     assert outcome.exit_code == 3
     (state,) = outcome.run.states()
-    assert (state["status"], state["certified"], state["negative_eigenvalues"]) == ("saddle", False, 2)
-    assert state["linking_number"] == pytest.approx(2.5, abs=1e-6)
+    assert (state.status, state.certified, state.negative_eigenvalues) == ("saddle", False, 2)
+    assert state.linking_number == pytest.approx(2.5, abs=1e-6)
     assert "passed through itself" in outcome.failures[0]
     again = solved(tmp_path, 5, 80, 0.1)
     assert (again.new_states, again.exit_code) == (0, 3)

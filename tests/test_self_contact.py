@@ -42,7 +42,7 @@ def folder(made, monkeypatch) -> Path:
 
 def test_listings_have_a_column(made):
     """What `ls` and `solve` print; a target that was not reached has dashes in all of them."""
-    states = {state["label"]: state for state in made.states()}
+    states = {state.label: state for state in made.states()}
     targets = [Target(0.6, 24, 5, True, True, ""), Target(0.7, 24, None, False, False, "not reached")]
     for text in (states_table(list(states.values()), kinds=False), targets_table(targets, states)):
         heads, *rows = text.splitlines()

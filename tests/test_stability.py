@@ -10,6 +10,9 @@ import pytest
 from spectral_support import Place, covered_ring, pi_band, ring_place
 from test_closed_forms import solved_figure_eight
 
+from ribbon_cli.analysis.mode_limits import run_spectra, spectral_convergence
+from ribbon_cli.analysis.stability import Stability, document_of, stability_of
+from ribbon_cli.analysis.verdict import Mode, judge
 from ribbon_cli.errors import UsageError
 from ribbon_cli.model.band import Discretisation
 from ribbon_cli.model.metrics import METRICS
@@ -19,10 +22,7 @@ from ribbon_cli.solver.prolongation import Phase
 from ribbon_cli.solver.spectra import Spectrum, lowest_spectrum
 from ribbon_cli.store import Run, StateRecord
 from ribbon_cli.study.clock import Clock
-from ribbon_cli.study.mode_limits import run_spectra, spectral_convergence
 from ribbon_cli.study.records import Reached, build_record
-from ribbon_cli.study.stability import Stability, document_of, stability_of
-from ribbon_cli.study.verdict import Mode, judge
 
 VALUE_AVERAGE, THESIS = Discretisation.VALUE_AVERAGE, Discretisation.THESIS
 TRUSTED = Inertia(0, 1e-3)
@@ -169,7 +169,7 @@ def test_parities_do_not_depend_on_the_basis_that_was_found(modes: int, monkeypa
             vectors[k : k + 2] = np.einsum("ij,jkl->ikl", [[c, s], [-s, c]], vectors[k : k + 2])
         return replace(spectrum, vectors=vectors)
 
-    monkeypatch.setattr("ribbon_cli.study.stability.lowest_spectrum", turned)
+    monkeypatch.setattr("ribbon_cli.analysis.stability.lowest_spectrum", turned)
     place = ring_place(24, 0.3, VALUE_AVERAGE)
     found = stability(place, modes=modes)
     assert np.abs([m.symmetry["C2"] for m in found.modes]) == pytest.approx(np.ones(3 + modes))

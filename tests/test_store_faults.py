@@ -95,12 +95,12 @@ def enter(run: Run) -> None:
 
 def assert_intact(run: Run, stored: int) -> None:
     """The first states are there and right, what is listed can be read, the next writer clears the rest."""
-    labels = [state["label"] for state in run.states()]
+    labels = [state.label for state in run.states()]
     assert labels[:stored] == list(range(1, stored + 1))
     enter(run)
     for label, entry in run.entries().items():
         run.check_file(label)
-        assert entry["state"]["content_sha256"] == expected_content(label)
+        assert entry.state.content_sha256 == expected_content(label)
     assert not list(run.path.rglob(".tmp-*"))
     assert not list(run.path.rglob("*.damaged*"))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import re
 import subprocess
@@ -17,13 +18,14 @@ from store_support import make_record, make_spectrum
 
 from ribbon_cli.store import (
     BranchRecord,
+    BranchSummary,
     SpectrumRecord,
     StateRecord,
+    Summary,
     content_sha256,
     decode,
     encode,
     layout_markdown,
-    summary,
     write_atomic,
 )
 from ribbon_cli.store.hdf5 import decode_bytes
@@ -220,7 +222,7 @@ def test_unknown_metric_is_refused():
 
 
 def test_summary_has_the_promised_fields_and_is_json():
-    state = summary(make_record(clearance=math.nan, negative_eigenvalues=None), run="mobius-0123abcd")
+    state = Summary.of(make_record(clearance=math.nan, negative_eigenvalues=None)).listed("mobius-0123abcd")
     promised = """half_width segments length topology energy status kkt_residual constraint_residual
         negative_eigenvalues linking_number twist writhe self_contact label run kind discretisation
         content_sha256 certified message stage parent method newton_steps inverted_facets smallest_facet
@@ -231,6 +233,37 @@ def test_summary_has_the_promised_fields_and_is_json():
     assert state["negative_eigenvalues"] is None
     assert state["events"] == ["grid phase", "step halved"]
     assert state["run"] == "mobius-0123abcd"
+
+
+def test_summaries_have_the_fields_that_the_layout_marks():
+    marked = [item.field for item in STATE if item.summary]
+    assert [field.name for field in fields(Summary)] == [*marked, "event_kinds", "branch", "content_sha256"]
+    on_branch = [item.field for item in BRANCH if item.summary]
+    assert [field.name for field in fields(BranchSummary)] == on_branch
+
+
+def test_a_summary_is_read_back_and_what_a_newer_version_added_is_passed_over():
+    state = Summary.of(make_record(clearance=math.nan, negative_eigenvalues=None))
+    document = json.loads(json.dumps(state.to_dict()))
+    assert Summary.read(document) == state
+    assert state.agrees(document | {"later": [1.5]})
+    assert Summary.read(document | {"later": [1.5], "to_dict": 1}).to_dict() == document
+    for key in document.keys() - {"event_kinds"}:  # which earlier formats lack
+        with pytest.raises(ValueError, match=r"of another type|no state with a label"):
+            Summary.read({name: value for name, value in document.items() if name != key})
+
+
+def test_a_summary_of_an_earlier_format_has_the_kinds_that_its_sentences_tell():
+    state = Summary.of(make_record(events=("reached b = 0.5", "something else")))
+    assert state.event_kinds == ("width-reached", "unknown")
+    document = state.to_dict()
+    for wrong in (None, "width-reached", [], ["unknown"], ["unknown", 1]):
+        with pytest.raises(ValueError, match="event_kinds of state 1 is missing, or of another type"):
+            Summary.read(document | {"event_kinds": wrong})
+        assert not state.agrees(document | {"event_kinds": wrong})
+    del document["event_kinds"]
+    assert Summary.read(document) == state
+    assert state.agrees(document)
 
 
 def test_importing_the_store_is_light():
@@ -267,8 +300,8 @@ def test_a_point_of_a_branch_survives_the_file():
         for field in fields(BranchRecord):
             np.testing.assert_array_equal(getattr(back.branch, field.name), getattr(branch, field.name))
         assert content_sha256(back) == content_sha256(record) != content_sha256(plain)
-        assert summary(back)["branch"]["type"] == branch.type
+        assert Summary.of(back).branch.type == branch.type
     assert decode_bytes(encode(plain), "memory").branch is None
-    assert "branch" not in summary(plain)
+    assert "branch" not in Summary.of(plain).to_dict()
     with pytest.raises(ValueError, match="type must be one of"):
         replace(step, type="bend")

@@ -125,12 +125,12 @@ with run.writing():
 """
 
 
-@pytest.mark.slow
-def test_nothing_committed_is_lost_in_kills_at_random_moments(tmp_path):
+@pytest.mark.parametrize("kills", [5, pytest.param(15, marks=pytest.mark.faults)])
+def test_nothing_committed_is_lost_in_kills_at_random_moments(tmp_path, kills):
     """Each writer is killed some moment after a number of its commits, however fast the machine is."""
     chance = random.Random(5)
     acknowledged = awaited = 0
-    for _ in range(15):
+    for _ in range(kills):
         child = start(COMMIT, str(tmp_path))
         commits = chance.randint(2, 6)
         awaited += commits
@@ -142,10 +142,10 @@ def test_nothing_committed_is_lost_in_kills_at_random_moments(tmp_path):
         child.stdout.close()
         acknowledged = max([acknowledged, *map(int, said)])
         run = Run.open(tmp_path / "mobius-0123abcd")
-        labels = [state["label"] for state in run.states()]
+        labels = [state.label for state in run.states()]
         assert labels == list(range(1, len(labels) + 1))
         assert len(labels) >= acknowledged
-    assert acknowledged >= awaited > 30
+    assert acknowledged >= awaited > 2 * kills
     run.sweep()
     for label in run.entries():
         run.check_file(label)
@@ -171,7 +171,7 @@ def test_without_flock_a_file_stands_in_and_it_is_said(tmp_path, no_flock):
         assert run.remarks == [
             "mobius-0123abcd: its file system has no flock: locked by the file lock.claim instead"
         ]
-        assert other.holder()["pid"] == os.getpid()
+        assert other.holder().pid == os.getpid()
         with (
             pytest.raises(LockedError, match=f"process {os.getpid()} .*remove .*lock.claim"),
             other.writing(),
@@ -205,6 +205,6 @@ def test_a_pid_used_again_is_not_taken_for_the_holder(tmp_path):
     run = make_run(tmp_path)
     note = {"pid": os.getpid(), "host": socket.gethostname(), "since": "then", "start": "another boot 1"}
     (run.path / "lock.holder").write_text(json.dumps(note))
-    assert run.holder() == {}
+    assert run.holder() is None
     with run.writing():
         assert "ended without letting go of the run" in run.remarks[0]

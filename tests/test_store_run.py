@@ -10,7 +10,7 @@ import pytest
 from store_support import CONFIG, RESOLVED, make_record, make_run, relative_files
 
 from ribbon_cli.errors import StoreError, UsageError
-from ribbon_cli.store import Run, content_sha256, encode, log, summary
+from ribbon_cli.store import Run, Summary, content_sha256, encode, log
 from ribbon_cli.store.atomic import temporary_name
 from ribbon_cli.store.log import format_line
 
@@ -26,7 +26,7 @@ def test_a_new_run_has_its_config_and_an_empty_log(tmp_path):
     assert relative_files(run.path) == {"config.yaml", "resolved.yaml", "log.jsonl"}
     assert (run.path / "config.yaml").read_text() == CONFIG
     assert (run.path / "resolved.yaml").read_text() == RESOLVED
-    assert [event["event"] for event in run.events()] == ["created"]
+    assert [event.kind for event in run.events()] == ["created"]
     assert run.states(all=True) == []
     assert run.next_label == 1
     assert os.listdir(tmp_path / "runs") == ["mobius-0123abcd"]
@@ -42,9 +42,9 @@ def test_commit_load_and_list(tmp_path):
     ]
     with run.writing():
         for record in records:
-            assert run.commit(record) == record.label
-    assert [state["label"] for state in run.states()] == [2, 4]
-    assert run.states(all=True) == [summary(record, run.name) for record in records]
+            assert run.commit(record) == Summary.of(record)
+    assert [state.label for state in run.states()] == [2, 4]
+    assert run.states(all=True) == [Summary.of(record) for record in records]
     assert relative_files(run.path / "states") == {"0001.h5", "0002.h5", "0003.h5", "0004.h5"}
     for record in records:
         assert content_sha256(run.load(record.label)) == content_sha256(record)
@@ -127,7 +127,7 @@ def test_events_keep_their_data(tmp_path):
     with run.writing():
         run.log_event("step-halved", stage="b = 0.5", width=float("nan"), reasons=("left topology",))
         run.log_event("status", status="finished")
-    halved, status = run.events()[-2:]
+    halved, status = (event.document for event in run.events()[-2:])
     assert halved["width"] is None
     assert halved["reasons"] == ["left topology"]
     assert status["status"] == "finished"
@@ -164,12 +164,12 @@ def test_every_torn_last_line_is_ignored_then_cut_and_its_state_adopted(tmp_path
     start = whole.rstrip(b"\n").rfind(b"\n") + 1
     for end in [start + 1, start + 50, (start + len(whole)) // 2, len(whole) - 1]:
         run.log_path.write_bytes(whole[:end])
-        assert [state["label"] for state in run.states()] == [1]
+        assert [state.label for state in run.states()] == [1]
         with run.writing():
             assert run.next_label == 3
-        assert [state["label"] for state in run.states()] == [1, 2]
-        assert run.entries()[2]["adopted"] is True
-        assert last_event(run)["event"] == "recovered"
+        assert [state.label for state in run.states()] == [1, 2]
+        assert run.entries()[2].document["adopted"] is True
+        assert last_event(run).kind == "recovered"
         run.check_file(2)
 
 
@@ -179,7 +179,7 @@ def test_a_crash_between_file_and_log_line_is_adopted(tmp_path):
         run.state_path(label).write_bytes(encode(make_record(label)))
     assert len(run.states()) == 1
     assert run.sweep() == ["adopted state 2", "adopted state 3"]
-    assert run.states() == [summary(make_record(label), run.name) for label in (1, 2, 3)]
+    assert run.states() == [Summary.of(make_record(label)) for label in (1, 2, 3)]
     assert run.sweep() == []
 
 
@@ -192,7 +192,7 @@ def test_leftovers_are_swept_and_no_possible_state_is_deleted(tmp_path):
     with run.writing():
         assert run.next_label == 2
     assert relative_files(run.path / "states") == {"0001.h5", "0002.h5.damaged-1", "0003.h5.damaged-1"}
-    notes = " / ".join(last_event(run)["notes"])
+    notes = " / ".join(last_event(run).document["notes"])
     assert "removed the unfinished file .tmp-0002-1" in notes
     assert "holds state 4" in notes
 
@@ -215,9 +215,9 @@ def test_a_log_that_misquotes_a_state_is_found(tmp_path):
     from ribbon_cli.store.log import format_line
 
     run = make_run(tmp_path, states=1)
-    events = run.events()
-    events[1]["state"]["energy"] = 1.0
-    run.log_path.write_bytes(b"".join(map(format_line, events)))
+    documents = [event.document for event in run.events()]
+    documents[1]["state"]["energy"] = 1.0
+    run.log_path.write_bytes(b"".join(map(format_line, documents)))
     with pytest.raises(StoreError, match="its line on state 1 is not what"):
         run.check_file(1)
 
@@ -247,7 +247,7 @@ def test_a_damaged_log_is_rebuilt_keeping_what_can_be_read(tmp_path):
     run.log_path.write_bytes(data)
     assert run.repair() == ["dropped 1 damaged line of the log", "adopted state 2"]
     assert run.states() == before
-    assert "kept" in [event.get("text") for event in run.events()]
+    assert "kept" in [event.document.get("text") for event in run.events()]
     assert (run.path / "log.jsonl.old-1").read_bytes() == data
 
 
@@ -255,8 +255,8 @@ def test_a_lost_state_is_marked_and_its_label_not_used_again(tmp_path):
     run = make_run(tmp_path, states=3)
     run.state_path(3).unlink()
     assert run.repair() == ["states/0003.h5 is missing: marked as lost"]
-    assert [state["label"] for state in run.states()] == [1, 2]
-    lost = next(event for event in run.events() if event["event"] == "state-lost")
+    assert [state.label for state in run.states()] == [1, 2]
+    lost = next(event.document for event in run.events() if event.kind == "state-lost")
     assert lost["label"] == 3
     assert lost["state"]["content_sha256"] == content_sha256(make_record(3))
     assert run.next_label == 4
@@ -272,13 +272,13 @@ def test_repair_puts_damaged_states_aside_and_deletes_nothing(tmp_path):
     assert run.repair() == []
     with run.writing():
         assert run.next_label == 4
-    (lost,) = [event for event in run.events() if event["event"] == "state-lost"]
+    (lost,) = [event.document for event in run.events() if event.kind == "state-lost"]
     assert (lost["label"], lost["reason"]) == (1, "damaged, now 0001.h5.damaged-1")
 
 
 def test_repair_corrects_a_line_that_is_not_what_its_state_holds(tmp_path):
     run = make_run(tmp_path, states=2)
-    entries = [dict(entry) for entry in run.events()]
+    entries = [dict(event.document) for event in run.events()]
     entries[1]["state"] = entries[1]["state"] | {"energy": 1.0}
     run.log_path.write_bytes(b"".join(map(format_line, entries)))
     with pytest.raises(StoreError, match="its line on state 1 is not what"):
@@ -347,9 +347,10 @@ def test_a_log_put_in_the_place_of_another_is_read_anew(tmp_path):
     assert list(reader.entries()) == [1]
     before = os.stat(first.log_path).st_ino
     with open(first.log_path, "r+b") as file:
-        file.write(b"".join(map(format_line, [*reversed(other.events()), *other.events()])))
+        events = [*reversed(other.events()), *other.events()]
+        file.write(b"".join(format_line(event.document) for event in events))
     assert os.stat(first.log_path).st_ino == before
-    assert reader.events() == [*reversed(other.events()), *other.events()]
+    assert reader.events() == events
 
 
 def test_set_aside_keeps_the_old_run(tmp_path):

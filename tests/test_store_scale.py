@@ -175,9 +175,11 @@ def test_arrays_of_a_finished_stage_are_read_when_they_are_needed(tmp_path):
     with run.writing():
         run.commit(record)
     with opened(run.path) as files:
-        found = run.look_up(1)
-        assert (found.label, found.stage, found.sigma, found.events) == (1, "b = 0.5", -1, record.events)
+        journal = Journal(run, Silence(), (), None)
+        state = journal.finished("b = 0.5")
+        assert (state.label, state.stage, state.sigma, state.events) == (1, "b = 0.5", -1, record.events)
         assert len([name for name in files if name.endswith(".h5")]) == 1
+        found = journal.load(state)
         assert (found.u == record.u).all()
         assert found.spectra[0].metric == "euclidean"
         assert found.provenance == record.provenance

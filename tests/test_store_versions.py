@@ -18,9 +18,9 @@ from ribbon_cli.store import FORMAT_VERSION, Run, content_sha256, decode, encode
 from ribbon_cli.store.folder import RUN_FORMAT_VERSION
 from ribbon_cli.store.hdf5 import decode_bytes
 from ribbon_cli.store.preamble import head_version
-from ribbon_cli.study import judge
 from ribbon_cli.study.records import state_of
-from ribbon_cli.study.verification import verify_record
+from ribbon_cli.verify import judge
+from ribbon_cli.verify.recompute import verify_record
 
 DATA = Path(__file__).parent / "data"
 VERSIONS = sorted(path.name.removeprefix("format-") for path in DATA.glob("format-*"))
@@ -95,10 +95,10 @@ def test_it_is_resumed_refined_repaired_and_packed_by_this_version(folder):
     assert ribbon("repair", run.name).exit_code == 0
     assert ribbon_json("solve", config, "-q")["new_states"] == 1
     assert [path.name for path in folder.parent.iterdir()] == [run.name]
-    again = Run.open(folder).entries()[last + 1]["state"]
-    assert again["stage"] == before[last]["state"]["stage"]
-    assert again["energy"] == pytest.approx(before[last]["state"]["energy"], rel=1e-12)
-    finer = 2 * again["segments"]
+    again = Run.open(folder).entries()[last + 1].state
+    assert again.stage == before[last].state.stage
+    assert again.energy == pytest.approx(before[last].state.energy, rel=1e-12)
+    finer = 2 * again.segments
     assert ribbon("refine", f"{run.name}:{last + 1}", "--to", str(finer)).exit_code == 0
     lines = run.log_path.read_bytes().splitlines(keepends=True)
     run.log_path.write_bytes(b"".join([lines[0], b"nonsense\n", *lines[2:]]) + b"torn")
@@ -135,8 +135,8 @@ def test_events_of_every_version_have_kinds():
     for version in VERSIONS:
         run = Run.open(frozen(version))
         for state in run.states(all=True):
-            assert run.load(state["label"]).event_kinds == tuple(state["event_kinds"])
-            known.setdefault(version, []).extend(state["event_kinds"])
+            assert run.load(state.label).event_kinds == state.event_kinds
+            known.setdefault(version, []).extend(state.event_kinds)
     assert known == {
         "1.0": ["saddle-left"],
         "1.1": ["width-reached"],

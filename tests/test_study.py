@@ -63,10 +63,8 @@ def test_a_schedule_reaches_its_widths_and_levels(tmp_path: Path) -> None:
     planned = plan_of(config(text)).stages
     assert [name for name, _, _ in watch.stages] == [stage.name for stage in planned]
     states = outcome.run.states(all=True)
-    assert {s["kind"] for s in states} == {"auxiliary", "saddle", "equilibrium"}
-    assert all(
-        s["linking_number"] == pytest.approx(0.5, abs=1e-9) for s in states if s["kind"] != "auxiliary"
-    )
+    assert {s.kind for s in states} == {"auxiliary", "saddle", "equilibrium"}
+    assert all(s.linking_number == pytest.approx(0.5, abs=1e-9) for s in states if s.kind != "auxiliary")
 
 
 def test_a_schedule_goes_back_by_continuation(tmp_path: Path) -> None:
@@ -112,10 +110,10 @@ def test_a_step_that_fails_is_halved_and_reported(tmp_path: Path, monkeypatch: p
     outcome = solve_config(config(SMALL + "widths: [0.4]\n"), tmp_path)
     assert outcome.exit_code == 0
     states = outcome.run.states(all=True)
-    widths = [(s["kind"], s["half_width"]) for s in states if s["kind"] in ("intermediate", "equilibrium")]
+    widths = [(s.kind, s.half_width) for s in states if s.kind in ("intermediate", "equilibrium")]
     assert widths == [("intermediate", 0.3), ("intermediate", pytest.approx(0.35)), ("equilibrium", 0.4)]
-    halved = next(s for s in states if s["half_width"] == pytest.approx(0.35))
-    assert "to 0.4 failed, halved" in halved["events"][0]
+    halved = next(s for s in states if s.half_width == pytest.approx(0.35))
+    assert "to 0.4 failed, halved" in halved.events[0]
     assert any("halved" in note for note in outcome.notes)
     again = solve_config(config(SMALL + "widths: [0.4]\n"), tmp_path)
     assert again.new_states == 0
@@ -128,10 +126,10 @@ def test_twist_steps_that_fail_are_halved_and_reported(tmp_path: Path) -> None:
     outcome = solve_config(config(text), tmp_path)
     assert outcome.exit_code == 0
     states = outcome.run.states(all=True)
-    twisted = [state for state in states if state["kind"] == "auxiliary"]
-    assert [state["stage"] for state in twisted] == ["twist 0.25/1", "twist 0.625/1", "twist 1/1"]
-    assert any("a step from twist 0/1 to 1 failed, halved" in event for event in twisted[0]["events"])
-    assert states[-1]["energy"] == pytest.approx(whole.run.states()[-1]["energy"], rel=1e-12)
+    twisted = [state for state in states if state.kind == "auxiliary"]
+    assert [state.stage for state in twisted] == ["twist 0.25/1", "twist 0.625/1", "twist 1/1"]
+    assert any("a step from twist 0/1 to 1 failed, halved" in event for event in twisted[0].events)
+    assert states[-1].energy == pytest.approx(whole.run.states()[-1].energy, rel=1e-12)
     watch = Recorder()
     assert solve_config(config(text), tmp_path, progress=watch).new_states == 0
     assert watch.stages == [("twist 1/1", 1, 2), ("twisted band freed", 2, 2)]
@@ -139,7 +137,7 @@ def test_twist_steps_that_fail_are_halved_and_reported(tmp_path: Path) -> None:
 
 def test_the_minimum_of_an_auxiliary_problem_is_called_that(tmp_path: Path) -> None:
     run = solve_config(config(SMALL), tmp_path).run
-    kinds = {state["kind"]: state["message"] for state in run.states(all=True)}
+    kinds = {state.kind: state.message for state in run.states(all=True)}
     assert kinds["auxiliary"].startswith("Converged to a minimum of the auxiliary problem")
     assert "auxiliary" not in kinds["equilibrium"]
 
@@ -201,10 +199,10 @@ def test_handedness_changes_the_linking_number_and_nothing_else(tmp_path: Path) 
     right = solve_config(config(SMALL), tmp_path)
     left = solve_config(config(SMALL.replace("half_twists: 1", "half_twists: -1")), tmp_path)
     a, b = right.run.states()[-1], left.run.states()[-1]
-    assert b["energy"] == pytest.approx(a["energy"], rel=1e-10)
-    assert a["linking_number"] == pytest.approx(0.5, abs=1e-9)
-    assert b["linking_number"] == pytest.approx(-0.5, abs=1e-9)
-    assert b["writhe"] == pytest.approx(-a["writhe"], abs=1e-9)
+    assert b.energy == pytest.approx(a.energy, rel=1e-10)
+    assert a.linking_number == pytest.approx(0.5, abs=1e-9)
+    assert b.linking_number == pytest.approx(-0.5, abs=1e-9)
+    assert b.writhe == pytest.approx(-a.writhe, abs=1e-9)
 
 
 def test_a_given_state_starts_a_run(tmp_path: Path) -> None:
@@ -214,9 +212,9 @@ def test_a_given_state_starts_a_run(tmp_path: Path) -> None:
     outcome = solve_config(config(text), tmp_path)
     assert outcome.exit_code == 0
     states = outcome.run.states(all=True)
-    assert states[0]["stage"] == "given state"
-    assert states[0]["energy"] == pytest.approx(first.run.states()[-1]["energy"], rel=1e-12)
-    assert states[-1]["half_width"] == 0.35
+    assert states[0].stage == "given state"
+    assert states[0].energy == pytest.approx(first.run.states()[-1].energy, rel=1e-12)
+    assert states[-1].half_width == 0.35
 
 
 @pytest.mark.parametrize(
@@ -232,7 +230,7 @@ def test_a_given_state_must_fit(tmp_path: Path, change: tuple[str, str], words: 
     text = "name: again\ntopology: {half_twists: 1}\n" + guess + "\nwidths: [0.35]\n"
     with pytest.raises(ConfigError, match=words) as caught:
         solve_config(config(text.replace(*change)), tmp_path)
-    (problem,) = caught.value.problems
+    (problem,) = caught.value.mistakes
     assert (problem.line, problem.column, problem.field) == (3, 24, "initial_guess.state")
     assert [p.name for p in tmp_path.iterdir() if p.name.startswith("again")] == []
 
@@ -258,10 +256,11 @@ def test_contact_ends_a_schedule_if_asked_to(tmp_path: Path, monkeypatch: pytest
         "not reached: the band touches itself from b = 0.4: contact: stop ends the schedule"
     )
     facts = standing(stopped.run)
-    assert (facts["status"], facts["complete"], facts["done"], facts["waiting"]) == ("complete", True, 2, 0)
+    counts = facts.counts
+    assert (facts.status, counts.complete, counts.done, counts.waiting) == ("complete", True, 2, 0)
     recorded = solve_config(config(text.replace("HOW", "record")), tmp_path)
     assert [t.half_width for t in recorded.targets] == [0.3, 0.4, 0.5]
-    assert [s["self_contact"] for s in recorded.run.states()] == [False, True, True]
+    assert [s.self_contact for s in recorded.run.states()] == [False, True, True]
 
 
 def test_refinement_by_hand(tmp_path: Path) -> None:
@@ -273,12 +272,12 @@ def test_refinement_by_hand(tmp_path: Path) -> None:
     odd = refine_state(tmp_path, ref, to=50)
     assert [(t.segments, t.certified) for t in odd.targets] == [(50, True)]
     split = refine_state(tmp_path, ref, to=80, method="split")
-    energies = {(s["segments"], s["method"]): s["energy"] for s in split.run.states(all=True)}
+    energies = {(s.segments, s.method): s.energy for s in split.run.states(all=True)}
     assert energies[80, "facets split in two"] == pytest.approx(
         next(e for (n, m), e in energies.items() if n == 80 and m.startswith("smooth")), rel=1e-9
     )
     assert refine_state(tmp_path, ref, levels=2).new_states == 0
-    parents = {s["label"]: s["parent"] for s in split.run.states(all=True)}
+    parents = {s.label: s.parent for s in split.run.states(all=True)}
     assert parents[smooth.targets[0].label] == label
 
 
@@ -446,12 +445,12 @@ def test_another_state_of_the_same_name_is_noticed(tmp_path: Path) -> None:
     text = "name: again\ntopology: {half_twists: 1}\ninitial_guess: {state: start.npz}\n"
     again = config(text, str(tmp_path / "again.yaml"))
     export_npz(one, tmp_path / "start.npz")
-    assert solve_config(again, tmp_path).run.states()[0]["half_width"] == pytest.approx(0.3)
+    assert solve_config(again, tmp_path).run.states()[0].half_width == pytest.approx(0.3)
     export_npz(two, tmp_path / "start.npz", overwrite=True)
     with pytest.raises(UsageError, match="this run started from"):
         solve_config(again, tmp_path)
     fresh = solve_config(again, tmp_path, fresh=True)
-    assert fresh.run.states()[0]["half_width"] == pytest.approx(0.35)
+    assert fresh.run.states()[0].half_width == pytest.approx(0.35)
 
 
 RING = """
@@ -477,7 +476,7 @@ def test_a_first_width_that_differs_by_rounding_is_the_one_that_is_named(
     asked = config(text.replace("recipe: cylinder, segments: 12, half_width: 0.3", guess))
     outcome = solve_config(asked, tmp_path)
     assert [target.half_width for target in outcome.targets] == [asked.widths[0], asked.widths[0], 0.5, 0.5]
-    assert standing(outcome.run)["status"] == "complete"
+    assert standing(outcome.run).status == "complete"
     assert solve_config(asked, tmp_path).new_states == 0
 
 

@@ -7,9 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from paper.table import compare_with_thesis, thesis_table
+from ribbon_cli.analysis import table_entries
 from ribbon_cli.config import SpectrumRequest, load_config
-from ribbon_cli.report.convergence import compare_with_thesis, convergence_rows, thesis_table
-from ribbon_cli.study import Outcome, refine_state, solve_config, table_entries
+from ribbon_cli.report.convergence import convergence_rows
+from ribbon_cli.study import Outcome, refine_state, solve_config
 
 CONFIGS = Path(__file__).parent.parent / "configs"
 WITHOUT_SPECTRA = SpectrumRequest(modes=0, full_up_to=0)
@@ -30,13 +32,13 @@ def test_every_state_is_certified(table: Outcome) -> None:
     assert table.exit_code == 0
     assert len(table.targets) == 24
     for state in table.run.states(all=True):
-        assert state["kkt_residual"] <= 1e-9
-        assert state["constraint_residual"] <= 1e-9
-        assert state["inverted_facets"] == 0
-        if state["kind"] in ("equilibrium", "intermediate"):
-            assert state["certified"]
-            assert (state["status"], state["negative_eigenvalues"]) == ("minimum", 0)
-            assert state["linking_number"] == pytest.approx(0.5, abs=1e-9)
+        assert state.kkt_residual <= 1e-9
+        assert state.constraint_residual <= 1e-9
+        assert state.inverted_facets == 0
+        if state.kind in ("equilibrium", "intermediate"):
+            assert state.certified
+            assert (state.status, state.negative_eigenvalues) == ("minimum", 0)
+            assert state.linking_number == pytest.approx(0.5, abs=1e-9)
 
 
 def test_the_thesis_is_reproduced(table: Outcome) -> None:
@@ -52,39 +54,37 @@ def test_the_thesis_is_reproduced(table: Outcome) -> None:
 
 
 def test_the_other_minimum_explains_the_first_entry(table: Outcome, root: Path) -> None:
-    other = solve_config(load_config(CONFIGS / "mobius-pi-second-minimum.yaml"), root)
+    other = solve_config(load_config(CONFIGS / "paper" / "mobius-pi-second-minimum.yaml"), root)
     assert other.exit_code == 0
     (state,) = other.run.states()
-    assert state["energy"] == pytest.approx(0.972161015, abs=5e-9)
-    assert state["negative_eigenvalues"] == 0
-    (finer,) = [
-        s for s in table.run.states() if s["segments"] == 100 and s["half_width"] == pytest.approx(0.1)
-    ]
-    assert abs(state["energy"] - finer["energy"]) == pytest.approx(0.0419388, abs=5e-8)
+    assert state.energy == pytest.approx(0.972161015, abs=5e-9)
+    assert state.negative_eigenvalues == 0
+    (finer,) = [s for s in table.run.states() if s.segments == 100 and s.half_width == pytest.approx(0.1)]
+    assert abs(state.energy - finer.energy) == pytest.approx(0.0419388, abs=5e-8)
 
 
 def test_the_saddle_at_half_width_one_half_is_not_taken(table: Outcome) -> None:
-    (state,) = [s for s in table.run.states() if s["segments"] == 400 and s["half_width"] == 0.5]
-    assert state["energy"] == pytest.approx(5.15143268, abs=5e-9)
-    assert state["energy"] < 5.15143272
+    (state,) = [s for s in table.run.states() if s.segments == 400 and s.half_width == 0.5]
+    assert state.energy == pytest.approx(5.15143268, abs=5e-9)
+    assert state.energy < 5.15143272
 
 
 def test_refinement_by_hand_gives_the_same(table: Outcome, root: Path) -> None:
-    energies = {(s["half_width"], s["segments"]): s["energy"] for s in table.run.states()}
+    energies = {(s.half_width, s.segments): s.energy for s in table.run.states()}
     outcome = refine_state(root, f"{table.run.name}@b=0.5,N=50", to=400)
     assert outcome.exit_code == 0
-    state = next(s for s in outcome.run.states() if s["label"] == outcome.targets[0].label)
-    assert state["energy"] == pytest.approx(energies[0.5, 400], rel=1e-9)
+    state = next(s for s in outcome.run.states() if s.label == outcome.targets[0].label)
+    assert state.energy == pytest.approx(energies[0.5, 400], rel=1e-9)
 
 
 def test_the_left_handed_band_has_the_same_energies(table: Outcome, root: Path) -> None:
     config = load_config(CONFIGS / "mobius-pi-left.yaml")
     left = solve_config(replace(config, spectrum=WITHOUT_SPECTRA), root)
-    right = {(s["half_width"], s["segments"]): s["energy"] for s in table.run.states()}
+    right = {(s.half_width, s.segments): s.energy for s in table.run.states()}
     assert len(left.targets) == 24
     for state in left.run.states():
-        assert state["energy"] == pytest.approx(right[state["half_width"], state["segments"]], rel=1e-10)
-        assert state["linking_number"] == pytest.approx(-0.5, abs=1e-9)
+        assert state.energy == pytest.approx(right[state.half_width, state.segments], rel=1e-10)
+        assert state.linking_number == pytest.approx(-0.5, abs=1e-9)
 
 
 def test_the_other_rule_has_the_same_limit_and_a_smaller_error(table: Outcome, root: Path) -> None:

@@ -18,7 +18,7 @@ from ribbon_cli.solver.status import Status
 from ribbon_cli.solver.tracking import BranchPoint, agree
 from ribbon_cli.study import solve_config
 
-SECOND = Path(__file__).parent.parent / "configs" / "data" / "pi-b0.1-N50-second-minimum.npz"
+SECOND = Path(__file__).parent.parent / "configs" / "paper" / "data" / "pi-b0.1-N50-second-minimum.npz"
 CASES = {
     "free": FREE,
     "held": Prescription({0: unit(1), 3: unit(2)}),
@@ -108,9 +108,9 @@ def test_a_schedule_ends_at_a_fold_and_keeps_what_it_has(tmp_path: Path) -> None
     assert [target.reached for target in outcome.targets] == [True, True, False, False]
     assert "the branch seems to turn back (fold) near b = 0.11256" in outcome.failures[0]
     states = outcome.run.states(all=True)
-    assert states[-1]["kind"] == "intermediate"
-    assert 0.1125 < states[-1]["half_width"] < 0.11257
-    energies = [state["energy"] for state in states]
+    assert states[-1].kind == "intermediate"
+    assert 0.1125 < states[-1].half_width < 0.11257
+    energies = [state.energy for state in states]
     assert energies == sorted(energies)
     assert any("not on the branch" in note for note in outcome.notes)
     assert solve_config(parse_config(text, "fold.yaml"), tmp_path).new_states == 0

@@ -27,8 +27,8 @@ def test_a_twist_past_the_guard_stops(tmp_path: Path, half_twists: int, steps: i
     assert outcome.exit_code == 3
     assert "passed through itself" in outcome.failures[0]
     states = outcome.run.states(all=True)
-    assert {s["kind"] for s in states} == {"auxiliary"}
+    assert {s.kind for s in states} == {"auxiliary"}
     for k, state in enumerate(states, start=1):
         # Tw + Wr of the open band is what the seam was turned by.
-        assert state["linking_number"] == pytest.approx(0.5 * half_twists * k / steps, abs=0.01)
-    assert abs(states[-1]["linking_number"]) >= 0.5 - 0.5 * abs(half_twists) / steps
+        assert state.linking_number == pytest.approx(0.5 * half_twists * k / steps, abs=0.01)
+    assert abs(states[-1].linking_number) >= 0.5 - 0.5 * abs(half_twists) / steps

@@ -12,7 +12,7 @@ from cli_support import ribbon, ribbon_json
 
 from ribbon_cli.store import Run, StateRecord, decode, encode, write_atomic
 from ribbon_cli.store.layout import STATE
-from ribbon_cli.study.verification import verify_record
+from ribbon_cli.verify.recompute import verify_record
 
 FROZEN = Path(__file__).parent / "data" / "format-1.0"
 EQUILIBRIUM, SADDLE, AUXILIARY = 6, 5, 2

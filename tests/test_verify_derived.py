@@ -11,7 +11,7 @@ import pytest
 from ribbon_cli.store import StateRecord, decode, encode
 from ribbon_cli.store.hdf5 import decode_bytes
 from ribbon_cli.store.layout import BRANCH
-from ribbon_cli.study.verification import verify_record
+from ribbon_cli.verify.recompute import verify_record
 
 DATA = Path(__file__).parent / "data"
 BRANCH_POINT = DATA / "format-1.1" / "frozen-branch-e83cb1ed" / "states" / "0002.h5"

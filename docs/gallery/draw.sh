@@ -4,10 +4,10 @@
 set -eu
 ribbon=$1
 to=docs/gallery
-for config in mobius-pi mobius-pi-contact mobius-3pi everted-cylinder-160 everted-cylinder-40 everted-branch-40 everted-moebius-a-160 \
-    everted-moebius-b-160 cylinder ring; do
+for config in mobius-pi mobius-pi-contact mobius-3pi everted-cylinder-160 everted-branch-40 cylinder ring; do
     "$ribbon" -q solve "configs/$config.yaml" > /dev/null
 done
+"$(dirname "$ribbon")/python" -m paper -q everted-cylinder-40 everted-moebius-a-160 everted-moebius-b-160 > /dev/null
 draw() {
     picture=$1
     shift
@@ -49,3 +49,17 @@ row recipe-schoenke mobius-3pi 1 2 35
 row recipe-eversion everted-cylinder-40 1 14 26 27 29 31 33
 draw everted-moebius mobius-pi@b=0.1,N=200 shape --with everted-moebius-a-160:1 --with everted-moebius-b-160:1
 small everted-moebius
+# The pictures of docs/tutorial.md, from its config.
+folder=$(mktemp -d)
+sed -n '/^# pi.yaml$/,/^```$/p' docs/tutorial.md | grep -v '^```' > "$folder/pi.yaml"
+"$ribbon" -q solve "$folder/pi.yaml" > /dev/null
+"$ribbon" -q solve configs/paper/mobius-pi-second-minimum.yaml > /dev/null
+"$ribbon" -q continue mobius-pi-second-minimum@b=0.1,N=50 --to 0.12 --back-to 0.09 --arclength --max-step 0.3 > /dev/null
+draw tutorial-shape pi@b=0.4,N=96 shape
+draw tutorial-mode pi@b=0.4,N=96 mode
+draw tutorial-branch mobius-pi-second-minimum branch
+draw tutorial-pattern pi@b=0.4,N=48 pattern
+for picture in tutorial-shape tutorial-mode tutorial-branch tutorial-pattern; do
+    small "$picture"
+done
+rm -r "$folder"

@@ -6,22 +6,23 @@ not survive `xarray.concat`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from ribbon_cli import api
 from ribbon_cli.api.extras import extra
 from ribbon_cli.api.tables import column_types, damage_in_words, flat
 from ribbon_cli.errors import StoreError, UsageError
+from ribbon_cli.store import Run, Summary
 from ribbon_cli.store.record import METRICS
-from ribbon_cli.store.refs import WIDTH_TOLERANCE, meant, no_equilibria
+from ribbon_cli.store.refs import by_place, meant, no_equilibria
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
     from xarray import Dataset
 
-    from ribbon_cli.api.run import OpenRun
-    from ribbon_cli.store import Run
 
 _AXES = ("half_width", "segments")
 _LEFT_OUT = ("run", "kind", "events", "event_kinds", *_AXES)
@@ -30,10 +31,9 @@ _LEFT_OUT = ("run", "kind", "events", "event_kinds", *_AXES)
 Cell = tuple[int, ...]
 
 
-def dataset(run: OpenRun, grid: bool | None, modes: int) -> Dataset:
+def dataset(run: api.OpenRun, grid: bool | None, modes: int) -> Dataset:
     """The dataset that `OpenRun.to_xarray` describes."""
     xarray = extra("xarray", "run.to_xarray()")
-    import numpy as np
 
     if modes < 0:
         raise UsageError(f"modes: must be 0 or more, got {modes}")
@@ -42,18 +42,15 @@ def dataset(run: OpenRun, grid: bool | None, modes: int) -> Dataset:
         raise StoreError("; ".join(damage_in_words(run, lost)))
     if not states:
         raise UsageError(no_equilibria(run))
-    widths, places = _widths(states)
-    meshes = sorted({state["segments"] for state in states})
-    cells: dict[Cell, list[dict[str, Any]]] = {}
-    for state in states:
-        place = (places[state["half_width"]], meshes.index(state["segments"]))
-        cells.setdefault(place, []).append(state)
+    places = by_place(states)
+    widths, meshes = list(dict.fromkeys(b for b, _ in places)), sorted({n for _, n in places})
     if grid is None:
-        grid = all(len(group) == 1 for group in cells.values())
+        grid = all(len(group) == 1 for group in places.values())
+    chosen: dict[Cell, Summary]
     if grid:
         dims: tuple[str, ...] = _AXES
         shape: Cell = (len(widths), len(meshes))
-        chosen = {place: meant(group) for place, group in cells.items()}
+        chosen = {(widths.index(b), meshes.index(n)): meant(group) for (b, n), group in places.items()}
         coordinates: dict[str, Any] = {
             "half_width": np.array(widths, dtype=np.float64),
             "segments": np.array(meshes, dtype=np.int64),
@@ -62,11 +59,11 @@ def dataset(run: OpenRun, grid: bool | None, modes: int) -> Dataset:
         dims, shape = ("label",), (len(states),)
         chosen = {(k,): state for k, state in enumerate(states)}
         coordinates = {
-            "label": np.array([state["label"] for state in states], dtype=np.int64),
-            "half_width": ("label", np.array([state["half_width"] for state in states], dtype=np.float64)),
-            "segments": ("label", np.array([state["segments"] for state in states], dtype=np.int64)),
+            "label": np.array([state.label for state in states], dtype=np.int64),
+            "half_width": ("label", np.array([state.half_width for state in states], dtype=np.float64)),
+            "segments": ("label", np.array([state.segments for state in states], dtype=np.int64)),
         }
-    variables = {name: (dims, values) for name, values in _facts(chosen, shape, grid).items()}
+    variables = {name: (dims, values) for name, values in _facts(run, chosen, shape, grid).items()}
     if modes:
         values, names = _spectra(run, chosen, shape, modes)
         if values.shape[-1]:
@@ -77,26 +74,13 @@ def dataset(run: OpenRun, grid: bool | None, modes: int) -> Dataset:
     return made
 
 
-def _widths(states: Sequence[Mapping[str, Any]]) -> tuple[list[float], dict[float, int]]:
-    """Half-widths in ascending order, those that `@b=` takes for one only once; and the place of each."""
-    found: list[float] = []
-    places: dict[float, int] = {}
-    for b in sorted(float(state["half_width"]) for state in states):
-        if not found or b - found[-1] > WIDTH_TOLERANCE * b:
-            found.append(b)
-        places[b] = len(found) - 1
-    return found, places
-
-
-def _facts(chosen: Mapping[Cell, Mapping[str, Any]], shape: Cell, grid: bool) -> dict[str, NDArray[Any]]:
+def _facts(run: Run, chosen: Mapping[Cell, Summary], shape: Cell, grid: bool) -> dict[str, NDArray[Any]]:
     """An array for each fact; where there is no state numbers are not-a-number and texts empty.
 
     `certified` alone is true or false: what is not there has no certificate. Other truth values are 1 and 0.
     """
-    import numpy as np
-
-    rows = {place: flat(state) for place, state in chosen.items()}
-    branches = any("branch_name" in row for row in rows.values())
+    rows = {place: flat(state, run.name) for place, state in chosen.items()}
+    branches = any(state.branch for state in chosen.values())
     arrays: dict[str, NDArray[Any]] = {}
     for name, (dtype, _) in column_types(branches).items():
         if name in _LEFT_OUT or (name == "label" and not grid):
@@ -115,12 +99,10 @@ def _facts(chosen: Mapping[Cell, Mapping[str, Any]], shape: Cell, grid: bool) ->
 
 
 def _spectra(
-    run: Run, chosen: Mapping[Cell, Mapping[str, Any]], shape: Cell, modes: int
+    run: Run, chosen: Mapping[Cell, Summary], shape: Cell, modes: int
 ) -> tuple[NDArray[np.float64], NDArray[np.str_]]:
     """The lowest stored eigenvalues, rotations among them, and the names of their modes, by metric."""
-    import numpy as np
-
-    stored = {place: run.load(state["label"]).spectra for place, state in chosen.items()}
+    stored = {place: run.load(state.label).spectra for place, state in chosen.items()}
     longest = max((len(s.values) for spectra in stored.values() for s in spectra), default=0)
     inner = (*shape, len(METRICS), min(modes, longest))
     values, names = np.full(inner, np.nan), np.full(inner, "", dtype=object)

@@ -6,37 +6,30 @@ Whether there is a certificate, and whether a band meets itself, is said whereve
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
 
-from ribbon_cli import digits
+from ribbon_cli import api, digits, export, plot
 from ribbon_cli.errors import RibbonError
-from ribbon_cli.export.words import MEETS_ITSELF, verdict
 from ribbon_cli.pages import html
-from ribbon_cli.plot.figure import reference, state_caption
-from ribbon_cli.store import content_sha256
+from ribbon_cli.store import Summary, content_sha256
 from ribbon_cli.text import visible
-
-if TYPE_CHECKING:
-    from ribbon_cli.api.run import OpenRun
-    from ribbon_cli.api.state import OpenState
 
 SHOWN = 12
 """Most states that a run's display lists."""
 
 
-def state_text(state: OpenState) -> str:
+def state_text(state: api.OpenState) -> str:
     """A state in a line."""
     taken = f"; {state.choice}" if state.choice else ""
-    return visible(f"<state {state_caption((state,), state.run_name)}{taken}>")
+    return visible(f"<state {plot.figure.state_caption((state,), state.run_name)}{taken}>")
 
 
-def state_html(state: OpenState) -> str:
+def state_html(state: api.OpenState) -> str:
     """A state as a small table."""
     linking = "Tw + Wr" if state.seam_open else "Lk"
     rows: list[tuple[str, html.Cell]] = [
-        ("certificate", (verdict(state), _mark(state.certified and state.kind != "auxiliary"))),
-        ("self-contact", (MEETS_ITSELF, "no") if state.self_contact else "none"),
+        ("certificate", (export.words.verdict(state), _mark(state.certified and state.kind != "auxiliary"))),
+        ("self-contact", (export.words.MEETS_ITSELF, "no") if state.self_contact else "none"),
         ("b", f"{state.half_width:.10g}"),
         ("N", str(state.segments)),
         ("E", digits.energy(state.energy)),
@@ -48,11 +41,11 @@ def state_html(state: OpenState) -> str:
     ]
     if state.choice:
         rows.append(("taken", state.choice))
-    head = (f"state {reference(state, state.run_name)}", state.kind)
+    head = (f"state {plot.figure.reference(state, state.run_name)}", state.kind)
     return html.table(head, rows)
 
 
-def run_text(run: OpenRun) -> str:
+def run_text(run: api.OpenRun) -> str:
     """A run in a line."""
     try:
         states, lost = run.found()
@@ -61,7 +54,7 @@ def run_text(run: OpenRun) -> str:
     return visible(f"<run {run.name}: {_counts(states, len(run.entries()), len(lost))}; {run.path}>")
 
 
-def run_html(run: OpenRun) -> str:
+def run_html(run: api.OpenRun) -> str:
     """A run as a table of its equilibria, the last ones of many."""
     try:
         states, lost = run.found()
@@ -74,29 +67,29 @@ def run_html(run: OpenRun) -> str:
     return title + html.table(head, [_row(state) for state in states[-SHOWN:]]) + more
 
 
-def _row(state: Mapping[str, Any]) -> list[str | tuple[str, str]]:
+def _row(state: Summary) -> list[str | tuple[str, str]]:
     """The row of an equilibrium."""
-    energy, linking, certified = state["energy"], state["linking_number"], state["certified"]
+    energy, linking, certified = state.energy, state.linking_number, state.certified
     return [
-        (str(state["label"]), "n"),
-        (f"{state['half_width']:.10g}", "n"),
-        (str(state["segments"]), "n"),
+        (str(state.label), "n"),
+        (f"{state.half_width:.10g}", "n"),
+        (str(state.segments), "n"),
         ("-" if energy is None else digits.energy(energy), "n"),
-        str(state["status"]),
+        state.status,
         "-" if linking is None else _number(linking),
-        (MEETS_ITSELF, "no") if state["self_contact"] else "none",
+        (export.words.MEETS_ITSELF, "no") if state.self_contact else "none",
         ("certified", "yes") if certified else ("no certificate", "no"),
     ]
 
 
-def _counts(states: Sequence[Mapping[str, Any]], stored: int, lost: int) -> str:
+def _counts(states: Sequence[Summary], stored: int, lost: int) -> str:
     """How many states there are, of which kinds, and where."""
     if not states:
         return f"no equilibria, {stored} other states"
-    certified = sum(bool(state["certified"]) for state in states)
-    meeting = sum(bool(state["self_contact"]) for state in states)
-    widths = sorted({state["half_width"] for state in states})
-    meshes = sorted({state["segments"] for state in states})
+    certified = sum(state.certified for state in states)
+    meeting = sum(state.self_contact for state in states)
+    widths = sorted({state.half_width for state in states})
+    meshes = sorted({state.segments for state in states})
     words = [
         f"{certified} of {len(states)} equilibria certified",
         f"{meeting} in self-contact without forces" if meeting else "none in self-contact",

@@ -7,23 +7,11 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING
 
-from ribbon_cli import study
+from ribbon_cli import analysis, export, plot
 from ribbon_cli.api.names import PLOT_KINDS
 from ribbon_cli.errors import RibbonWarning, UsageError
-from ribbon_cli.export.words import contact_warning
-from ribbon_cli.plot.figure import dressed, find_style, state_caption
-from ribbon_cli.plot.kinds import Picture, Source, draw
-from ribbon_cli.plot.labels import plain, run_texts
-from ribbon_cli.plot.style import Style, of_width
-from ribbon_cli.store import suggest
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from ribbon_cli.plot.modes import ModeShape
-    from ribbon_cli.store import Run, StateRecord
+from ribbon_cli.store import Run, StateRecord, suggest
 
 _SEEN = ("shape", "family", "mode")
 _ON_ONE_GRID = ("geometry", "multipliers", "branch", "family")
@@ -58,9 +46,9 @@ class Named:
 class Drawn:
     """A picture, what it was drawn from, and what it says of its data."""
 
-    picture: Picture
-    source: Source
-    style: Style
+    picture: plot.kinds.Picture
+    source: plot.kinds.Source
+    style: plot.style.Style
     caption: str
 
     @property
@@ -68,9 +56,9 @@ class Drawn:
         """Title and caption, as they stand below the picture."""
         return f"{self.picture.title}. {self.caption}."
 
-    def figure(self, caption: bool = True, title: str | None = None) -> Figure:
+    def figure(self, caption: bool = True, title: str | None = None) -> plot.canvas.Figure:
         """The figure in full dress; it is drawn upon, so ask for it once."""
-        return dressed(self.picture.figure, self.style, self.words if caption else None, title)
+        return plot.figure.dressed(self.picture.figure, self.style, self.words if caption else None, title)
 
 
 def check_kind(
@@ -103,7 +91,7 @@ def source_of(
     angles: tuple[float, float] | None = None,
     segments: int | None = None,
     index: int | None = None,
-) -> Source:
+) -> plot.kinds.Source:
     """What the first reference and the `others` name. Raises UsageError."""
     run, states = first.run, first.states
     if others and kind == "branch" and states:
@@ -125,16 +113,16 @@ def source_of(
         if run is None or any(other.run is None or other.run.path != run.path for other in others):
             run = None
             names = tuple(each.name for each in given)
-            texts = zip(run_texts([each.run for each in given]), given, strict=True)
-            run_names = tuple(text or plain(os.path.basename(each.ref)) for text, each in texts)
+            texts = zip(plot.labels.run_texts([each.run for each in given]), given, strict=True)
+            run_names = tuple(text or plot.labels.plain(os.path.basename(each.ref)) for text, each in texts)
     if segments and states and kind not in _OF_A_RUN:
         raise UsageError("--segments goes with a run, and the reference names a state")
     mode = partial(_mode, index=index)
-    return Source(
+    return plot.kinds.Source(
         run,
         states,
-        study.run_table,
-        study.multiplier_curves,
+        analysis.run_table,
+        analysis.multiplier_curves,
         mode,
         angles,
         segments,
@@ -144,12 +132,12 @@ def source_of(
     )
 
 
-def drawn(kind: str, source: Source, style: Style) -> Drawn:
+def drawn(kind: str, source: plot.kinds.Source, style: plot.style.Style) -> Drawn:
     """The picture of a kind. Raises UsageError, which says what to run, where the data lack for it."""
-    picture = draw(kind, source, style)
+    picture = plot.kinds.draw(kind, source, style)
     run = source.run.name if source.run else None
     caption = picture.words or (
-        state_caption(picture.states, run, source.names) if picture.states else str(run)
+        plot.figure.state_caption(picture.states, run, source.names) if picture.states else str(run)
     )
     return Drawn(picture, source, style, caption)
 
@@ -165,30 +153,28 @@ def figure_of(
     width: float | None,
     title: str | None,
     caption: bool,
-) -> Figure:
+) -> plot.canvas.Figure:
     """The picture of what is in hand, for programs; bands that meet themselves are warned of.
 
     Raises UsageError.
     """
     check_kind(kind, index, view, segments, others)
     check_title(title)
-    look = find_style(style)
-    look = look if width is None else of_width(look, width)
+    look = plot.figure.find_style(style)
+    look = look if width is None else plot.style.of_width(look, width)
     shown = drawn(kind, source_of(kind, first, others, view, segments, index), look)
-    warning = contact_warning(shown.picture.states)
+    warning = export.words.contact_warning(shown.picture.states)
     if warning:
         warnings.warn(warning, RibbonWarning, stacklevel=3)
     return shown.figure(caption, title)
 
 
-def _mode(record: StateRecord, index: int | None) -> ModeShape:
+def _mode(record: StateRecord, index: int | None) -> plot.modes.ModeShape:
     """A mode of a state by its number in `ribbon spectrum`, else the lowest that is no rotation.
 
     Raises UsageError as `ribbon spectrum` does.
     """
-    from ribbon_cli.plot.modes import ModeShape
-
-    found = study.stability_of(record, modes=max(12, index or 1))
+    found = analysis.stability_of(record, modes=max(12, index or 1))
     if index is None:
         index = 1 + next(k for k, mode in enumerate(found.modes) if mode.label != "rotation")
     if index > len(found.vectors):
@@ -200,7 +186,7 @@ def _mode(record: StateRecord, index: int | None) -> ModeShape:
         for letter, word in words.items()
     }
     symmetries = tuple(f"{word} {' and '.join(under)}" for word, under in names.items() if under)
-    return ModeShape(
+    return plot.modes.ModeShape(
         index,
         mode.value,
         mode.bound,

@@ -6,20 +6,15 @@ import os
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
+from ribbon_cli import export as exports
+from ribbon_cli import plot, store
+from ribbon_cli.api.drawing import Named
 from ribbon_cli.api.names import EXPORT_FORMATS
 from ribbon_cli.api.targets import IN_PYTHON, OVERWRITE, check_target
 from ribbon_cli.errors import RibbonWarning, UsageError
-from ribbon_cli.export.formats import FORMATS, Options, check_options, states_of_run
-from ribbon_cli.export.words import contact_warning
-from ribbon_cli.plot.figure import state_caption
-from ribbon_cli.store import export_npz, suggest, typed, write_atomic
+from ribbon_cli.store import Run, StateRecord, suggest, typed, write_atomic
 from ribbon_cli.text import visible
-
-if TYPE_CHECKING:
-    from ribbon_cli.api.drawing import Named
-    from ribbon_cli.store import Run, StateRecord
 
 
 @dataclass(frozen=True)
@@ -36,21 +31,21 @@ class Exported:
     warning: str = ""
 
 
-def check_format(form: str, options: Options) -> None:
+def check_format(form: str, options: exports.formats.Options) -> None:
     """Refuse an unknown format, and an option that it does not heed. Raises UsageError."""
     if form not in EXPORT_FORMATS:
         known = f"known: {', '.join(EXPORT_FORMATS)}"
         raise UsageError(f"no format {form!r} ({known}){suggest(form, EXPORT_FORMATS)}")
     if form != "npz":
-        check_options(form, options)
-    elif options != Options():
+        exports.formats.check_options(form, options)
+    elif options != exports.formats.Options():
         raise UsageError("npz has no options: it holds the state as it is")
 
 
 def export(
     form: str,
     named: Named,
-    options: Options,
+    options: exports.formats.Options,
     path: str | None = None,
     overwrite: bool = False,
     tell: Callable[[str], object] = lambda text: None,
@@ -67,25 +62,25 @@ def export(
         assert run is not None
         if form == "npz":
             raise UsageError(f"npz takes one state: name one of {run.name}, as in {typed(run)}:1")
-        states, rest = states_of_run(form, run, options)
+        states, rest = exports.formats.states_of_run(form, run, options)
         tell(f"{_title(run, states)}, N = {states[0].segments}{rest}; --segments takes another N")
     elif options.segments is not None:
         raise UsageError("--segments goes with a run, and the reference names a state")
     target = path or f"{named.stem}.{form}"
     check_target(target, overwrite, hint)
     if form == "npz":
-        export_npz(states[0], target, overwrite)
-        return Exported(form, (target,), states, warning=contact_warning(states))
-    writer = FORMATS[form]
+        store.export_npz(states[0], target, overwrite)
+        return Exported(form, (target,), states, warning=exports.words.contact_warning(states))
+    writer = exports.formats.FORMATS[form]
     data = writer.write(states, _title(run, states), run.name if run else None, options)
     paths = _write(target, data, overwrite, hint)
     facts, words = writer.remarks(states[0], options) if writer.remarks else ({}, [])
-    return Exported(form, paths, states, facts, tuple(words), contact_warning(states))
+    return Exported(form, paths, states, facts, tuple(words), exports.words.contact_warning(states))
 
 
 def _title(run: Run | None, states: tuple[StateRecord, ...]) -> str:
     """What a file says of its data, in one line whatever a state from elsewhere holds."""
-    return visible(state_caption(states, run.name if run else None))
+    return visible(plot.figure.state_caption(states, run.name if run else None))
 
 
 def _write(path: str, data: list[bytes], overwrite: bool, hint: str) -> tuple[str, ...]:
@@ -100,7 +95,11 @@ def _write(path: str, data: list[bytes], overwrite: bool, hint: str) -> tuple[st
 
 
 def export_to(
-    path: str | os.PathLike[str], form: str | None, named: Named, options: Options, overwrite: bool
+    path: str | os.PathLike[str],
+    form: str | None,
+    named: Named,
+    options: exports.formats.Options,
+    overwrite: bool,
 ) -> Exported:
     """As `export`, for programs: the format is the suffix's unless given, and what the command line says on
     standard error of bands that meet themselves is a warning.

@@ -7,22 +7,16 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from typing import TYPE_CHECKING
 
-from ribbon_cli import digits
+from ribbon_cli import api, digits, export, study
 from ribbon_cli.api.extras import extra
 from ribbon_cli.config import STOPS, Arclength
 from ribbon_cli.errors import UsageError
-from ribbon_cli.export.words import MEETS_ITSELF
 from ribbon_cli.pages import html
 from ribbon_cli.store import suggest
-from ribbon_cli.study.outcome import CoursePoint
 from ribbon_cli.text import visible
 
 if TYPE_CHECKING:
     from pandas import DataFrame
-
-    from ribbon_cli.api.run import OpenRun
-    from ribbon_cli.api.state import OpenState
-    from ribbon_cli.study import Course, Outcome
 
 
 def request(
@@ -72,16 +66,16 @@ class Followed:
     `outcome` holds their points and ends as `ribbon continue --json` tells them.
     """
 
-    run: OpenRun
-    outcome: Outcome
+    run: api.OpenRun
+    outcome: study.Outcome
 
     @property
-    def branches(self) -> tuple[Course, ...]:
+    def branches(self) -> tuple[study.Course, ...]:
         """Each branch with its points, and why and where it ends."""
         return self.outcome.branches
 
     @property
-    def states(self) -> tuple[OpenState, ...]:
+    def states(self) -> tuple[api.OpenState, ...]:
         """The states at the first branch's points, in order; their files are read."""
         return tuple(self.run.state(point.label) for point in self.branches[0].points)
 
@@ -117,10 +111,10 @@ class Followed:
                     (str(point.label), "n"),
                     point.type,
                     (f"{point.half_width:.10g}", "n"),
-                    (digits.energy(point.energy), "n"),
+                    ("-" if point.energy is None else digits.energy(point.energy), "n"),
                     point.status,
                     "-" if point.negative_eigenvalues is None else str(point.negative_eigenvalues),
-                    (MEETS_ITSELF, "no") if point.self_contact else "none",
+                    (export.words.MEETS_ITSELF, "no") if point.self_contact else "none",
                 )
                 for point in course.points
             ]
@@ -129,10 +123,10 @@ class Followed:
 
 
 def _columns() -> list[str]:
-    return [field.name for field in fields(CoursePoint)]
+    return [field.name for field in fields(study.outcome.CoursePoint)]
 
 
-def _contacts(course: Course) -> str:
+def _contacts(course: study.Course) -> str:
     """Words on the points of a branch at which the band meets itself."""
     meeting = sum(point.self_contact for point in course.points)
     return f" ({meeting} of them in self-contact without forces)" if meeting else ""

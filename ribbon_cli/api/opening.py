@@ -5,27 +5,23 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
+from ribbon_cli import api, study
+from ribbon_cli import config as configs
 from ribbon_cli.api.watching import Watcher, watched
 from ribbon_cli.errors import UsageError
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from ribbon_cli.api.state import OpenState
-    from ribbon_cli.config import Config
-    from ribbon_cli.store import Run, StateRecord
-    from ribbon_cli.study import Outcome
+from ribbon_cli.store import Run, StateRecord, decode, resolve_state, runs_root
 
 
 def solve(
-    config: str | os.PathLike[str] | Mapping[str, Any] | Config,
+    config: str | os.PathLike[str] | Mapping[str, Any] | configs.Config,
     runs: str | os.PathLike[str] | None = None,
     fresh: bool = False,
     *,
     progress: Watcher = None,
-) -> Outcome:
+) -> study.Outcome:
     """Run all stages of a config, or those that its run still lacks; `fresh` starts over.
 
     `config` is a path, a `Config`, or a mapping laid out as a config file, whose `name` defaults to "config".
@@ -35,25 +31,20 @@ def solve(
     outcome and raise nothing; ConfigError, StoreError and LockedError are raised, and TypeError for arguments
     of other types.
     """
-    from ribbon_cli.store import runs_root
-    from ribbon_cli.study import solve_config
-
     root = runs_root(runs_text(runs))
     with watched(progress) as shown:
-        return solve_config(_config(config), root, fresh=fresh, progress=shown, argv=sys.argv)
+        return study.solve_config(_config(config), root, fresh=fresh, progress=shown, argv=sys.argv)
 
 
-def _config(source: str | os.PathLike[str] | Mapping[str, Any] | Config) -> Config:
+def _config(source: str | os.PathLike[str] | Mapping[str, Any] | configs.Config) -> configs.Config:
     """The config that a user hands over. Raises ConfigError, TypeError."""
-    from ribbon_cli.config import Config, load_config, parse_config
-
     if isinstance(source, str | os.PathLike):
-        return load_config(path_text("config", source))
+        return configs.load_config(path_text("config", source))
     if isinstance(source, Mapping):
         import yaml
 
-        return parse_config(yaml.safe_dump(_plain(source), sort_keys=False), "config")
-    if not isinstance(source, Config):
+        return configs.parse_config(yaml.safe_dump(_plain(source), sort_keys=False), "config")
+    if not isinstance(source, configs.Config):
         raise TypeError(f"config must be a path, a mapping or a Config, got {type(source).__name__}")
     return source
 
@@ -82,19 +73,17 @@ def _plain(value: Any) -> Any:
     return os.fspath(value) if isinstance(value, os.PathLike) else value
 
 
-def load_state(ref: str | os.PathLike[str], runs: str | os.PathLike[str] | None = None) -> OpenState:
+def load_state(ref: str | os.PathLike[str], runs: str | os.PathLike[str] | None = None) -> api.OpenState:
     """Read the state that `ref` names: RUN:LABEL, RUN@b=0.5,N=400, or the path of its HDF5 file.
 
     Where N is left out the finest certified state is meant, and of several with one N the latest. Raises
     UsageError when it names none, StoreError when the file is damaged, TypeError where `ref` or `runs` is
     neither text nor a path.
     """
-    from ribbon_cli.api.state import OpenState
-
     taken: list[str] = []
     run, record, path = open_state(ref, runs, taken.append)
     choice = taken[0].removeprefix(f"{ref}: ") if taken else ""
-    return OpenState.of(record, run, path, choice)
+    return api.OpenState.of(record, run, path, choice)
 
 
 def open_state(
@@ -106,8 +95,6 @@ def open_state(
 
     `tell` is called with a sentence on which state was taken, where the reference leaves a choice.
     """
-    from ribbon_cli.store import decode, resolve_state, runs_root
-
     run, label, path = resolve_state(runs_root(runs_text(runs)), path_text("ref", ref), tell)
     if path.suffix == ".npz":
         raise UsageError(f"{path}: an npz file holds no certificate or provenance: name the state it is from")

@@ -7,24 +7,24 @@ import os
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Self
 
+from ribbon_cli import analysis, api, plot
+from ribbon_cli import export as exports
 from ribbon_cli.api import display
-from ribbon_cli.api.datasets import dataset
 from ribbon_cli.api.drawing import Named, figure_of
 from ribbon_cli.api.exporting import Exported, export_to
 from ribbon_cli.api.opening import path_text, runs_text
-from ribbon_cli.api.state import OpenState
 from ribbon_cli.api.tables import as_found, damage_in_words, frame
 from ribbon_cli.errors import RibbonWarning, UsageError
-from ribbon_cli.export.formats import Options
-from ribbon_cli.store import Run, find_run, names_state, runs_root
-from ribbon_cli.store.refs import choose
+from ribbon_cli.store import Run, Summary, find_run, names_state, runs_root
+from ribbon_cli.store.refs import select
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
     from pandas import DataFrame
     from xarray import Dataset
+
+    from ribbon_cli.report.convergence import Table
 
 
 def open(run: str | os.PathLike[str] | Run, runs: str | os.PathLike[str] | None = None) -> OpenRun:
@@ -51,8 +51,8 @@ class OpenRun(Run):
         """The same run."""
         return run if isinstance(run, cls) else cls(run.path)
 
-    def found(self, all: bool = False) -> tuple[list[dict[str, Any]], dict[int, str]]:
-        """Rows of `ribbon ls --json`, and a word on each state whose file is not what was committed.
+    def found(self, all: bool = False) -> tuple[list[Summary], dict[int, str]]:
+        """Summaries of the equilibria or of all states, and a word on each whose file is not as committed.
 
         Raises StoreError for a damaged log.
         """
@@ -67,7 +67,7 @@ class OpenRun(Run):
         states, lost = self.found(all)
         for line in damage_in_words(self, lost):
             warnings.warn(line, RibbonWarning, stacklevel=2)
-        return frame(states, "run.table()")
+        return frame(self, states, "run.table()")
 
     def to_xarray(self, grid: bool | None = None, modes: int = 12) -> Dataset:
         """The equilibria as a dataset: facts as variables over half-width and N, or over labels.
@@ -77,30 +77,33 @@ class OpenRun(Run):
         for 0 no spectrum is read. Raises UsageError for a run without equilibria, StoreError for a damaged
         one, ImportError without xarray.
         """
-        return dataset(self, grid, modes)
+        return api.datasets.dataset(self, grid, modes)
 
-    def at(self, b: float | None = None, N: int | None = None) -> OpenState:
-        """The equilibrium that RUN@b=...,N=... names in a command; either part may be left out.
+    def convergence(self) -> Table:
+        """Energies under refinement as in `ribbon convergence-table`: rows, and an extrapolation for each b.
+
+        Raises StoreError for a damaged log.
+        """
+        return analysis.run_table(self)
+
+    def at(self, b: float | None = None, N: int | None = None) -> api.OpenState:
+        """The equilibrium that `RUN@b=...,N=...` names in a command; either part may be left out.
 
         Of several it is the latest of the finest certified ones; `choice` of the state says which was taken.
         Warns where that has no certificate. Raises UsageError, which says what there is, StoreError.
         """
-        wanted: dict[str, float] = {}
-        if b is not None:
-            wanted["b"] = _real(b)
-        if N is not None:
-            wanted["N"] = operator.index(N)
-        if not wanted:
+        if b is None and N is None:
             raise UsageError("at() needs b, N or both")
-        found, choice = choose(self, wanted)
-        if not found["certified"]:
+        wanted = (None if b is None else _real(b), None if N is None else operator.index(N))
+        found, choice = select(self, *wanted)
+        if not found.certified:
             warnings.warn(f"{self.name}: {choice}", RibbonWarning, stacklevel=2)
-        return self.state(found["label"], choice)
+        return self.state(found.label, choice)
 
-    def state(self, label: int, choice: str = "") -> OpenState:
+    def state(self, label: int, choice: str = "") -> api.OpenState:
         """The state with a label, of whatever kind. Raises UsageError, StoreError."""
         label = operator.index(label)
-        return OpenState.of(self.load(label), self, self.state_path(label), choice)
+        return api.OpenState.of(self.load(label), self, self.state_path(label), choice)
 
     def plot(
         self,
@@ -113,7 +116,7 @@ class OpenRun(Run):
         width: float | None = None,
         title: str | None = None,
         caption: bool = True,
-    ) -> Figure:
+    ) -> plot.canvas.Figure:
         """A picture as by `ribbon plot`: a figure of matplotlib, which shows itself in notebooks.
 
         `kind` is geometry, multipliers, spectrum, convergence, branch or family; `beside` are further runs,
@@ -131,7 +134,7 @@ class OpenRun(Run):
         overwrite: bool = False,
     ) -> Exported:
         """Write the states of one N, by width, as vtkhdf or html. Raises UsageError, StoreError."""
-        return export_to(path, format, self._named(), Options(segments=segments), overwrite)
+        return export_to(path, format, self._named(), exports.formats.Options(segments=segments), overwrite)
 
     def _named(self) -> Named:
         """The run as a reference names it."""

@@ -5,19 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from ribbon_cli import study
+import numpy as np
+from numpy.typing import NDArray
+
+from ribbon_cli import analysis
 from ribbon_cli.api.extras import extra
 from ribbon_cli.pages import html
+from ribbon_cli.store import StateRecord
 from ribbon_cli.text import visible
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
     from pandas import DataFrame
     from xarray import Dataset
-
-    from ribbon_cli.store import StateRecord
-    from ribbon_cli.study import Stability
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -28,7 +27,7 @@ class Spectrum:
     """
 
     record: StateRecord
-    found: Stability
+    found: analysis.Stability
     run: str | None = None
 
     @property
@@ -39,15 +38,11 @@ class Spectrum:
     @property
     def values(self) -> NDArray[np.float64]:
         """Eigenvalues (k,), ascending."""
-        import numpy as np
-
         return np.array([mode.value for mode in self.found.modes])
 
     @property
     def bounds(self) -> NDArray[np.float64]:
         """Bounds (k,) of the eigenvalues' errors, roundoff included."""
-        import numpy as np
-
         return np.array([mode.bound for mode in self.found.modes])
 
     @property
@@ -67,7 +62,7 @@ class Spectrum:
 
     def document(self) -> dict[str, Any]:
         """What `ribbon spectrum STATE --json` prints."""
-        return study.document_of(self.record, self.found, self.run)
+        return analysis.document_of(self.record, self.found, self.run)
 
     def table(self) -> DataFrame:
         """A row a mode, with a column for each symmetry. Raises ImportError without pandas."""

@@ -2,29 +2,22 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, Self
+from typing import Literal, Self
 
-from ribbon_cli import study
+from ribbon_cli import analysis, api, plot, study
+from ribbon_cli import export as exports
 from ribbon_cli.api import display
 from ribbon_cli.api.drawing import Named, figure_of
 from ribbon_cli.api.exporting import Exported, export_to
 from ribbon_cli.api.following import Followed, request
-from ribbon_cli.api.spectrum import Spectrum
 from ribbon_cli.api.watching import Watcher, watched
 from ribbon_cli.errors import RibbonWarning, TargetError, UsageError
-from ribbon_cli.export.formats import Options
 from ribbon_cli.store import Run, StateRecord
-
-if TYPE_CHECKING:
-    import os
-
-    from matplotlib.figure import Figure
-
-    from ribbon_cli.api.run import OpenRun
 
 Metric = Literal["physical", "euclidean", "folding"]
 Method = Literal["smooth", "split"]
@@ -40,16 +33,14 @@ class OpenState(StateRecord):
     """
 
     path: Path = Path()
-    run: OpenRun | None = None
+    run: api.OpenRun | None = None
     choice: str = ""
 
     @classmethod
     def of(cls, record: StateRecord, run: Run | None, path: Path, choice: str = "") -> Self:
         """A record with its place."""
-        from ribbon_cli.api.run import OpenRun
-
         state = object.__new__(cls)
-        place = {"path": path, "run": None if run is None else OpenRun.of(run), "choice": choice}
+        place = {"path": path, "run": None if run is None else api.OpenRun.of(run), "choice": choice}
         state.__dict__.update(record.__dict__, **place)  # a record is frozen
         return state
 
@@ -58,13 +49,13 @@ class OpenState(StateRecord):
         """NAME-HASH8 of its run, None outside of one."""
         return None if self.run is None else self.run.name
 
-    def spectrum(self, modes: int = 12, metric: Metric = "physical", full: bool = False) -> Spectrum:
+    def spectrum(self, modes: int = 12, metric: Metric = "physical", full: bool = False) -> api.Spectrum:
         """Eigenvalues with bounds, modes with names and the verdict, computed anew as by `ribbon spectrum`.
 
         The lowest `modes` and the rotations, or all of them if `full`. What a solve stored is in `spectra`.
         Raises UsageError, TargetError.
         """
-        return Spectrum(self, study.stability_of(self, metric, modes, full), self.run_name)
+        return api.Spectrum(self, analysis.stability_of(self, metric, modes, full), self.run_name)
 
     def plot(
         self,
@@ -77,7 +68,7 @@ class OpenState(StateRecord):
         width: float | None = None,
         title: str | None = None,
         caption: bool = True,
-    ) -> Figure:
+    ) -> plot.canvas.Figure:
         """A picture as by `ribbon plot`: a figure of matplotlib, which shows itself in notebooks.
 
         `kind` is shape, geometry, multipliers, spectrum, mode or pattern; `beside` are further states, `view`
@@ -163,14 +154,14 @@ class OpenState(StateRecord):
         Returns the files' names with what has to be said of them. Warns of a band that meets itself. Raises
         UsageError, StoreError.
         """
-        options = Options(size, thickness, paper)
+        options = exports.formats.Options(size, thickness, paper)
         return export_to(path, format, self._named(), options, overwrite)
 
     def _named(self) -> Named:
         """The state as a reference names it."""
         return Named(str(self.path), self.run, (self,))
 
-    def _in_a_run(self, what: str) -> OpenRun:
+    def _in_a_run(self, what: str) -> api.OpenRun:
         """The run that results join. Raises UsageError outside of one."""
         if self.run is None:
             raise UsageError(f"{self.path}: not in a run, and what {what} makes joins the state's run")

@@ -3,29 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from ribbon_cli.api.extras import extra
+from ribbon_cli.store import Run, Summary
 from ribbon_cli.store.layout import BRANCH, STATE
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-    from ribbon_cli.store import Run
 
 _TYPES = {"float64": "float64", "int64": "int64", "bool": "bool", "utf-8": "object"}
 _MAY_LACK = "Int64"
 """pandas' integers with gaps."""
 
 
-def as_found(run: Run, states: Sequence[dict[str, Any]]) -> tuple[list[dict[str, Any]], dict[int, str]]:
+def as_found(run: Run, states: Sequence[Summary]) -> tuple[list[Summary], dict[int, str]]:
     """Summaries of a run's states, and of those whose files are not what was committed a word on each.
 
     Their status is that word, and they have no certificate. Raises StoreError for a damaged log.
     """
-    lost = run.damage(state["label"] for state in states)
-    changed = {label: {"status": word, "certified": False} for label, word in lost.items()}
-    return [{**state, **changed.get(state["label"], {})} for state in states], lost
+    lost = run.damage(state.label for state in states)
+    return [
+        replace(state, status=lost[state.label], certified=False) if state.label in lost else state
+        for state in states
+    ], lost
 
 
 def damage_in_words(run: Run, lost: Mapping[int, str]) -> list[str]:
@@ -36,15 +39,11 @@ def damage_in_words(run: Run, lost: Mapping[int, str]) -> list[str]:
     ]
 
 
-def flat(state: Mapping[str, Any]) -> dict[str, Any]:
-    """A summary without groups: the topology's keys stand alone, a branch's are `branch_name` and so on."""
-    row: dict[str, Any] = {}
-    for key, value in state.items():
-        if isinstance(value, Mapping):
-            row |= {f"branch_{name}" if key == "branch" else name: item for name, item in value.items()}
-        else:
-            row[key] = tuple(value) if isinstance(value, list) else value
-    return row
+def flat(state: Summary, run: str) -> dict[str, Any]:
+    """A summary of a run's state without groups: a branch's fields are `branch_name` and so on."""
+    row = {"run": run, **vars(state)}
+    branch = row.pop("branch")
+    return row | {f"branch_{name}": value for name, value in (vars(branch) if branch else {}).items()}
 
 
 def column_types(branches: bool) -> dict[str, tuple[str, bool]]:
@@ -58,14 +57,11 @@ def column_types(branches: bool) -> dict[str, tuple[str, bool]]:
     return {"run": ("utf-8", False), **rows, "content_sha256": ("utf-8", False)}
 
 
-def frame(states: Sequence[Mapping[str, Any]], what: str) -> DataFrame:
-    """A data frame with a row a summary. Raises ImportError without pandas."""
+def frame(run: Run, states: Sequence[Summary], what: str) -> DataFrame:
+    """A data frame with a row for each of a run's states. Raises ImportError without pandas."""
     pandas = extra("pandas", what)
-    rows = [flat(state) for state in states]
-    branches = any("branch_name" in row for row in rows)
-    known = column_types(branches)
-    later = {key: None for row in rows for key in row if key not in known}
-    table = pandas.DataFrame(rows, columns=[*known, *later])
+    known = column_types(any(state.branch for state in states))
+    table = pandas.DataFrame([flat(state, run.name) for state in states], columns=list(known))
     for name, (dtype, optional) in known.items():
         gaps = optional or name.startswith("branch_")
         table[name] = table[name].astype(_MAY_LACK if gaps and dtype == "int64" else _TYPES[dtype])

@@ -5,12 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
-from ribbon_cli import digits
-
-if TYPE_CHECKING:
-    from ribbon_cli.study import Progress
+from ribbon_cli import digits, study
+from ribbon_cli.api.console import console
 
 
 @dataclass(frozen=True)
@@ -78,13 +75,11 @@ class _Told:
 
 
 @contextmanager
-def watched(progress: Watcher) -> Iterator[Progress | None]:
+def watched(progress: Watcher) -> Iterator[study.Progress | None]:
     """The progress to hand to a study. Raises TypeError for what is no watcher."""
     if progress is None or progress is False:
         yield None
     elif progress is True:
-        from ribbon_cli.api.console import console
-
         with console() as shown:
             yield shown
     elif callable(progress):

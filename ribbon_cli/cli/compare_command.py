@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
+from ribbon_cli import api, report, store, verify
 from ribbon_cli.cli.completion import complete_any
 from ribbon_cli.cli.output import emit, emit_json, say, teller
+from ribbon_cli.cli.render import MISSING, columns, energy, number
 from ribbon_cli.cli.settings import Settings, common_options, pass_settings
 from ribbon_cli.errors import TargetError, UsageError
-
-if TYPE_CHECKING:
-    from ribbon_cli.report.comparison import FieldPair, Judgement, StatePair
 
 _LONGEST = 40
 
@@ -37,21 +36,16 @@ def compare(settings: Settings, first: str, second: str, exact: bool) -> int:
     the same stages. The answer is `identical` (all that was computed, to the last bit), `same to rounding`,
     with the largest relative difference, or `different`, which is exit 3.
     """
-    from ribbon_cli.store import names_state
-
-    kinds = {names_state(first), names_state(second)}
+    kinds = {store.names_state(first), store.names_state(second)}
     if len(kinds) > 1:
         raise UsageError("compare: name two states or two runs, not one of each")
     return (_states if kinds == {True} else _runs)(settings, first, second, exact)
 
 
 def _states(settings: Settings, first: str, second: str, exact: bool) -> int:
-    from ribbon_cli.api import open_state
-    from ribbon_cli.report.comparison import compare_states
-    from ribbon_cli.study import judge
 
-    one, two = (open_state(ref, settings.runs, teller(settings))[1] for ref in (first, second))
-    pairs, judgement = compare_states(one, two), judge(one, two)
+    one, two = (api.open_state(ref, settings.runs, teller(settings))[1] for ref in (first, second))
+    pairs, judgement = report.comparison.compare_states(one, two), verify.judge(one, two)
     if settings.json:
         document = {"first": first, "second": second, "equal": judgement.answer == "identical"}
         emit_json(document | asdict(judgement) | {"fields": [asdict(pair) for pair in pairs]})
@@ -64,11 +58,9 @@ def _states(settings: Settings, first: str, second: str, exact: bool) -> int:
 
 
 def _runs(settings: Settings, first: str, second: str, exact: bool) -> int:
-    from ribbon_cli.store import find_run
-    from ribbon_cli.study import judge_runs
 
-    one, two = find_run(settings.root, first), find_run(settings.root, second)
-    pairs = judge_runs(one, two)
+    one, two = store.find_run(settings.root, first), store.find_run(settings.root, second)
+    pairs = verify.judge_runs(one, two)
     if settings.json:
         document = {"first": one.name, "second": two.name, "equal": all(pair.equal for pair in pairs)}
         emit_json(document | pairs_answer(pairs) | {"states": list(map(pair_document, pairs))})
@@ -78,7 +70,7 @@ def _runs(settings: Settings, first: str, second: str, exact: bool) -> int:
     return answer_of_pairs(settings, pairs, exact)
 
 
-def answer(settings: Settings, judgement: Judgement, exact: bool, where: str = "") -> int:
+def answer(settings: Settings, judgement: report.comparison.Judgement, exact: bool, where: str = "") -> int:
     """Print one of the three answers with what it rests on, but for JSON; the exit code."""
     if not settings.json:
         emit(f"{judgement.answer}{_reason(judgement, where)}")
@@ -86,19 +78,17 @@ def answer(settings: Settings, judgement: Judgement, exact: bool, where: str = "
     return 0 if judgement.answer in good else TargetError.exit_code
 
 
-def answer_of_pairs(settings: Settings, pairs: Sequence[StatePair], exact: bool) -> int:
+def answer_of_pairs(settings: Settings, pairs: Sequence[report.comparison.StatePair], exact: bool) -> int:
     """The same of two runs."""
-    from ribbon_cli.report.comparison import Judgement, deciding
-
-    pair = deciding(pairs)
+    pair = report.comparison.deciding(pairs)
     if pair is None:
-        return answer(settings, Judgement("identical"), exact)
+        return answer(settings, report.comparison.Judgement("identical"), exact)
     if pair.first is None or pair.second is None:
         return answer(settings, pair.judgement, exact, f"{pair.stage} is in one of them alone")
     return answer(settings, pair.judgement, exact, pair.stage)
 
 
-def _reason(judgement: Judgement, where: str) -> str:
+def _reason(judgement: report.comparison.Judgement, where: str) -> str:
     """What an answer rests on: the largest relative difference and where it is, or a fact that differs."""
     largest, path = judgement.largest_relative_difference, judgement.largest_in
     if judgement.answer == "identical":
@@ -112,24 +102,20 @@ def _reason(judgement: Judgement, where: str) -> str:
     return f" (largest relative difference {largest:.1e}, in {place}{image})"
 
 
-def pairs_answer(pairs: Sequence[StatePair]) -> dict[str, Any]:
+def pairs_answer(pairs: Sequence[report.comparison.StatePair]) -> dict[str, Any]:
     """The answer of two runs for a program, with the stage that decides it."""
-    from ribbon_cli.report.comparison import Judgement, deciding
-
-    pair = deciding(pairs)
-    judgement = Judgement("identical") if pair is None else pair.judgement
+    pair = report.comparison.deciding(pairs)
+    judgement = report.comparison.Judgement("identical") if pair is None else pair.judgement
     return asdict(judgement) | {"largest_in_stage": None if pair is None else pair.stage}
 
 
-def pair_document(pair: StatePair) -> dict[str, Any]:
+def pair_document(pair: report.comparison.StatePair) -> dict[str, Any]:
     """A pair of states for a program, its judgement among its own keys."""
     return {key: value for key, value in asdict(pair).items() if key != "judgement"} | asdict(pair.judgement)
 
 
-def pairs_table(pairs: Sequence[StatePair]) -> str:
+def pairs_table(pairs: Sequence[report.comparison.StatePair]) -> str:
     """States of two runs side by side."""
-    from ribbon_cli.cli.render import columns, energy, number
-
     rows = []
     for pair in pairs:
         one, two = pair.energies
@@ -140,10 +126,8 @@ def pairs_table(pairs: Sequence[StatePair]) -> str:
     return columns(["stage", "label", "label'", "E", "E'", "E' - E", "answer"], rows)
 
 
-def _fields_table(pairs: Sequence[FieldPair]) -> str:
+def _fields_table(pairs: Sequence[report.comparison.FieldPair]) -> str:
     """Fields that differ."""
-    from ribbon_cli.cli.render import MISSING, columns
-
     rows = [
         [
             pair.path,
@@ -158,8 +142,6 @@ def _fields_table(pairs: Sequence[FieldPair]) -> str:
 
 def _brief(value: Any) -> str:
     """A value on one short line; of an array its shape."""
-    from ribbon_cli.cli.render import MISSING
-
     if value is None:
         return MISSING
     text = " ".join((f"{value:.10g}" if isinstance(value, float) else str(value)).split())

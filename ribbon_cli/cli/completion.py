@@ -8,15 +8,18 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING
+from pathlib import Path
 
-if TYPE_CHECKING:
-    from pathlib import Path
+import click
+from click.shell_completion import (
+    BashComplete,
+    CompletionItem,
+    add_completion_class,
+    get_completion_class,
+    split_arg_string,
+)
 
-    import click
-    from click.shell_completion import CompletionItem
-
-    from ribbon_cli.store import Run
+from ribbon_cli import config, store, study
 
 SHELLS = ("bash", "zsh", "fish")
 _MOST = 500
@@ -51,7 +54,6 @@ def register_bash() -> None:
     Bash breaks words at ':', '=' and '@', so that click sees RUN:12 as three of them. Ours reads the line
     itself, and leaves out of each candidate what bash takes for earlier words.
     """
-    from click.shell_completion import BashComplete, add_completion_class, split_arg_string
 
     class Bash(BashComplete):
         source_template = _BASH
@@ -80,8 +82,6 @@ def register_bash() -> None:
 
 def script(cli: click.Command, shell: str, program: str) -> str:
     """The text that makes a shell complete `program`'s command lines. Raises ValueError for other shells."""
-    from click.shell_completion import BashComplete, get_completion_class
-
     register_bash()
     found = get_completion_class(shell)
     if found is None:
@@ -100,7 +100,6 @@ def _candidates(find: Callable[[click.Context, str], Iterator[str]], kind: str =
     """A callback that offers what `find` gives, and files as well (`kind` "file") when that is nothing."""
 
     def complete(ctx: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
-        from click.shell_completion import CompletionItem
 
         found: list[str] = []
         try:
@@ -117,16 +116,12 @@ def _candidates(find: Callable[[click.Context, str], Iterator[str]], kind: str =
 
 def _root(ctx: click.Context) -> Path:
     """Folder of the runs, by the options typed so far: those that `settings` keeps, which imports this."""
-    from ribbon_cli.store import runs_root
-
-    return runs_root(getattr(ctx.obj, "runs", None))
+    return store.runs_root(getattr(ctx.obj, "runs", None))
 
 
-def _runs(ctx: click.Context) -> list[tuple[str, Run]]:
+def _runs(ctx: click.Context) -> list[tuple[str, store.Run]]:
     """The runs, each under its short name where that names no other run."""
-    from ribbon_cli.store import list_runs
-
-    runs = list_runs(_root(ctx))
+    runs = store.list_runs(_root(ctx))
     names = [run.short_name for run in runs]
     return [(run.short_name if names.count(run.short_name) == 1 else run.name, run) for run in runs]
 
@@ -147,19 +142,17 @@ def _references(ctx: click.Context, incomplete: str) -> Iterator[str]:
         yield from _states(typed if not fitting else name, run, mark)
 
 
-def _named(ctx: click.Context, typed: str) -> list[tuple[str, Run]]:
+def _named(ctx: click.Context, typed: str) -> list[tuple[str, store.Run]]:
     """The run that a finished name stands for, as users may type it. Raises UsageError."""
-    from ribbon_cli.store import find_run
-
-    return [(typed, find_run(_root(ctx), typed))]
+    return [(typed, store.find_run(_root(ctx), typed))]
 
 
-def _states(name: str, run: Run, mark: str) -> Iterator[str]:
+def _states(name: str, run: store.Run, mark: str) -> Iterator[str]:
     """NAME:1, NAME:2, ...; or NAME@b=0.5,N=50, ... of the equilibria."""
     if mark == ":":
         yield from (f"{name}:{label}" for label in run.entries())
         return
-    places = ((state["half_width"], state["segments"]) for state in run.states())
+    places = ((state.half_width, state.segments) for state in run.states())
     yield from (f"{name}@b={b:.10g},N={n}" for b, n in dict.fromkeys(places))
 
 
@@ -176,21 +169,17 @@ def _all_or_one(ctx: click.Context, incomplete: str) -> Iterator[str]:
 
 def _statuses(ctx: click.Context, incomplete: str) -> Iterator[str]:
     """Statuses of runs or, where the line names one, of states."""
-    from ribbon_cli.study import RUN_STATUSES, STATE_STATUSES
-
-    return iter(STATE_STATUSES if ctx.params.get("run") else RUN_STATUSES)
+    return iter(study.STATE_STATUSES if ctx.params.get("run") else study.RUN_STATUSES)
 
 
 def _kinds(ctx: click.Context, incomplete: str) -> Iterator[str]:
-    from ribbon_cli.store import KINDS
 
-    return iter(KINDS)
+    return iter(store.KINDS)
 
 
 def _templates(ctx: click.Context, incomplete: str) -> Iterator[str]:
-    from ribbon_cli.config import templates
 
-    return iter(templates())
+    return iter(config.templates())
 
 
 def _nothing(ctx: click.Context, incomplete: str) -> Iterator[str]:

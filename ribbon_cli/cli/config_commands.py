@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import json
 import os
-from typing import TYPE_CHECKING, Any
+from dataclasses import asdict
+from typing import Any
 
 import click
 
+from ribbon_cli import config as configs
+from ribbon_cli import store, study
 from ribbon_cli.api.targets import check_target
 from ribbon_cli.cli.completion import complete_file, complete_template
 from ribbon_cli.cli.output import emit, emit_json, say, teller
+from ribbon_cli.cli.render import plan_table
 from ribbon_cli.cli.settings import Settings, common_options, pass_settings
-
-if TYPE_CHECKING:
-    from ribbon_cli.config import Config, ConfigError
+from ribbon_cli.digits import duration
+from ribbon_cli.errors import UsageError
 
 _DEFAULT_TEMPLATE = "mobius-pi"
 
@@ -29,23 +33,19 @@ def init(settings: Settings, template: str, output: str | None, listing: bool) -
 
     TEMPLATE is mobius-pi unless given; --list shows which there are.
     """
-    from ribbon_cli.config import SCHEMA_FILE, templates
-    from ribbon_cli.errors import UsageError
-    from ribbon_cli.store import suggest, write_atomic
-
-    known = templates()
+    known = configs.templates()
     if listing:
         emit_json(list(known)) if settings.json else emit("\n".join(known))
         return
     if template not in known:
-        hint = suggest(template, known) or f": there are {', '.join(known)}"
+        hint = store.suggest(template, known) or f": there are {', '.join(known)}"
         raise UsageError(f"no template {template!r}{hint}")
     path = output or f"{template}.yaml"
     check_target(path, overwrite=False, hint="choose another with -o")
-    write_atomic(path, known[template].encode())
+    store.write_atomic(path, known[template].encode())
     emit_json({"path": path, "template": template}) if settings.json else emit(path)
     say(settings, f"written; `ribbon check {path}` tells what it will do")
-    beside = os.path.join(os.path.dirname(path), SCHEMA_FILE)
+    beside = os.path.join(os.path.dirname(path), configs.SCHEMA_FILE)
     if not os.path.lexists(beside):
         say(settings, f"`ribbon schema -o {beside}` lets editors check and complete it")
 
@@ -64,16 +64,11 @@ def schema(settings: Settings, output: str | None, overwrite: bool) -> None:
     \b
       ribbon schema -o ribbon.schema.json
     """
-    import json
-
-    from ribbon_cli.config import schema as schema_of_configs
-    from ribbon_cli.store import write_atomic
-
     if output is None:
-        emit_json(schema_of_configs())
+        emit_json(configs.schema())
         return
     check_target(output, overwrite)
-    write_atomic(output, (json.dumps(schema_of_configs(), indent=2) + "\n").encode(), overwrite=overwrite)
+    store.write_atomic(output, (json.dumps(configs.schema(), indent=2) + "\n").encode(), overwrite=overwrite)
     emit_json({"path": output}) if settings.json else emit(output)
 
 
@@ -83,33 +78,26 @@ def schema(settings: Settings, output: str | None, overwrite: bool) -> None:
 @pass_settings
 def check(settings: Settings, config: str) -> None:
     """Validate CONFIG; print its stages and their cost."""
-    from ribbon_cli.config import ConfigError, load_config
-
     try:
-        loaded = load_config(config)
-    except ConfigError as error:
+        loaded = configs.load_config(config)
+    except configs.ConfigError as error:
         if settings.json:
             emit_json({"valid": False, "path": config, "problems": _problems(error)})
         raise
     _show_plan(settings, loaded)
 
 
-def _problems(error: ConfigError) -> list[dict[str, Any]]:
-    from dataclasses import asdict
+def _problems(error: configs.ConfigError) -> list[dict[str, Any]]:
 
-    return [asdict(problem) for problem in error.problems]
+    return [asdict(mistake) for mistake in error.mistakes]
 
 
-def _show_plan(settings: Settings, config: Config) -> None:
+def _show_plan(settings: Settings, config: configs.Config) -> None:
     """Print what `ribbon solve` will do with a config."""
-    from dataclasses import asdict
-
-    from ribbon_cli.cli.render import plan_table
-    from ribbon_cli.digits import duration
-    from ribbon_cli.study import given_band, plan_of
-
-    band = given_band(config, settings.root, teller(settings)) if config.guess.recipe == "state" else None
-    plan = plan_of(config, None if band is None else (band.half_width, band.segments))
+    band = (
+        study.given_band(config, settings.root, teller(settings)) if config.guess.recipe == "state" else None
+    )
+    plan = study.plan_of(config, None if band is None else (band.half_width, band.segments))
     run = f"{config.name}-{config.hash8()}"
     if settings.json:
         document = {

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
+from ribbon_cli import api, store, study
 from ribbon_cli.cli.completion import complete_state
 from ribbon_cli.cli.numbers import positive, positives, whole
 from ribbon_cli.cli.output import complain, emit, emit_json, say
+from ribbon_cli.cli.progress import progress
+from ribbon_cli.cli.render import branch_text
 from ribbon_cli.cli.settings import Settings, common_options, pass_settings
-
-if TYPE_CHECKING:
-    from ribbon_cli.study import Course, Outcome
 
 _STOPS = ("fold", "stability-lost", "contact")
 
@@ -51,38 +51,31 @@ def continue_(
     The same line again resumes. Without --arclength widths are reached one from another, and the first fold
     ends it. Unstable points on a branch are no failure; the exit code is 3 when no step is short enough.
     """
-    from ribbon_cli.api.following import request
-    from ribbon_cli.cli.progress import progress
-    from ribbon_cli.study import continue_state
-
-    wanted = request(to, arclength, back_to, both, at, stop_at, max_step, steps, switch)
+    wanted = api.following.request(to, arclength, back_to, both, at, stop_at, max_step, steps, switch)
     settings.commits = True
     with progress(settings) as shown:
-        outcome = continue_state(
+        outcome = study.continue_state(
             settings.root, state, wanted, natural=not arclength, progress=shown, argv=settings.argv
         )
     return _report(settings, outcome)
 
 
-def _report(settings: Settings, outcome: Outcome) -> int:
+def _report(settings: Settings, outcome: study.Outcome) -> int:
     """Print the branches, and name on standard error those that broke off; return the exit code."""
-    from ribbon_cli.cli.render import branch_text
-    from ribbon_cli.store import typed
-
     if settings.json:
         emit_json(_document(outcome))
     else:
         emit("\n\n".join(branch_text(course) for course in outcome.branches))
     new = f"{outcome.new_states} new state{'s' * (outcome.new_states != 1)}"
-    say(settings, f"{outcome.run.path}: {new}; `ribbon show {typed(outcome.run)}` shows its branches")
+    say(settings, f"{outcome.run.path}: {new}; `ribbon show {store.typed(outcome.run)}` shows its branches")
     for failure in outcome.failures:
         complain(f"ribbon: {failure}")
     return outcome.exit_code
 
 
-def _document(outcome: Outcome) -> dict[str, Any]:
+def _document(outcome: study.Outcome) -> dict[str, Any]:
     """The first branch's points and end, and all branches."""
-    first: Course = outcome.branches[0]
+    first: study.Course = outcome.branches[0]
     return {
         "run": outcome.run.name,
         "path": str(outcome.run.path),

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
+from ribbon_cli import analysis, api, report, store
 from ribbon_cli.cli.output import complain, emit, emit_json, teller
 from ribbon_cli.cli.settings import Settings
 from ribbon_cli.errors import TargetError, UsageError
-from ribbon_cli.store.refs import names_state, no_equilibria
 
 
 def show_continuum(settings: Settings, ref: str) -> int:
@@ -19,7 +19,7 @@ def show_continuum(settings: Settings, ref: str) -> int:
     """
     if ref == "all":
         raise UsageError("--continuum needs a RUN or a STATE: name one (`ribbon ls` lists the runs)")
-    show = _show_state if names_state(ref) else _show_run
+    show = _show_state if store.names_state(ref) else _show_run
     document, text, uncertified = show(settings, ref)
     emit_json(document) if settings.json else emit(text)
     for name in uncertified:
@@ -29,32 +29,28 @@ def show_continuum(settings: Settings, ref: str) -> int:
 
 def _show_state(settings: Settings, ref: str) -> tuple[dict[str, Any], str, list[str]]:
     """One state as a document and as text; its name if it is an equilibrium without certificate."""
-    from ribbon_cli.api import open_state
-    from ribbon_cli.report.continuum import state_document, state_text
-    from ribbon_cli.study import continuum_of
-
-    run, record, path = open_state(ref, settings.runs, teller(settings))
+    run, record, path = api.open_state(ref, settings.runs, teller(settings))
     name = f"{run.short_name}:{record.label}" if run else str(path)
-    found = continuum_of(record, name)
+    found = analysis.continuum_of(record, name)
     failed = record.kind == "equilibrium" and not record.certified and record.branch is None
-    return state_document(found, run.name if run else None), state_text(found), [name] if failed else []
+    return (
+        report.continuum.state_document(found, run.name if run else None),
+        report.continuum.state_text(found),
+        [name] if failed else [],
+    )
 
 
 def _show_run(settings: Settings, ref: str) -> tuple[dict[str, Any], str, list[str]]:
     """A run's tables over N as a document and as text; the states without certificate."""
-    from ribbon_cli.report.continuum import order_tables, tables_document, tables_text
-    from ribbon_cli.store import find_run
-    from ribbon_cli.study import continuum_of_run
-
-    run = find_run(settings.root, ref)
-    found = continuum_of_run(run)
+    run = store.find_run(settings.root, ref)
+    found = analysis.continuum_of_run(run)
     if not found:
-        raise UsageError(no_equilibria(run))
-    tables = order_tables(found)
-    followed = {state["label"] for state in run.states() if state.get("branch")}
+        raise UsageError(store.refs.no_equilibria(run))
+    tables = report.continuum.order_tables(found)
+    followed = {state.label for state in run.states() if state.branch is not None}
     failed = [
         f"{run.short_name}:{state.label}"
         for state in found
         if not state.certified and state.label not in followed
     ]
-    return tables_document(tables, run.name), tables_text(tables), failed
+    return report.continuum.tables_document(tables, run.name), report.continuum.tables_text(tables), failed

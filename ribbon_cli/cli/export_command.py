@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import click
 
+from ribbon_cli import api, store
+from ribbon_cli import export as exports
 from ribbon_cli.api.names import EXPORT_FORMATS
 from ribbon_cli.cli.completion import complete_file, complete_state, complete_words
 from ribbon_cli.cli.output import emit, emit_json, say, teller, warn
@@ -51,19 +53,14 @@ def export(
     surface for browsers and Blender. vtkhdf and html take a run as well, and then its states of one N, by
     width.
     """
-    from ribbon_cli.api.exporting import check_format
-    from ribbon_cli.api.exporting import export as write
-    from ribbon_cli.export.formats import Options
-    from ribbon_cli.store import content_sha256
-
-    options = Options(size, thickness, paper, segments)
-    check_format(form, options)
-    done = write(form, named(settings, state), options, output, overwrite, teller(settings))
+    options = exports.formats.Options(size, thickness, paper, segments)
+    api.exporting.check_format(form, options)
+    done = api.exporting.export(form, named(settings, state), options, output, overwrite, teller(settings))
     for line in done.remarks:
         say(settings, line)
     warn(settings, done.warning)
     if settings.json:
-        hashes = [content_sha256(record) for record in done.states]
+        hashes = [store.content_sha256(record) for record in done.states]
         document = {"path": done.paths[0], "format": form, "content_sha256": hashes[0]}
         several = len(done.paths) > 1 or len(done.states) > 1
         more = {"paths": list(done.paths), "states": hashes} if several else {}

@@ -11,6 +11,7 @@ from typing import Any
 
 import click
 
+from ribbon_cli import store
 from ribbon_cli.cli.output import complain, emit
 from ribbon_cli.cli.settings import Settings
 from ribbon_cli.errors import RibbonError, UsageError
@@ -63,9 +64,7 @@ class RibbonGroup(click.Group):
     ) -> tuple[str | None, click.Command | None, list[str]]:
         """Find the command. Raises UsageError with a near miss for one that there is not."""
         if not ctx.resilient_parsing and self.get_command(ctx, args[0]) is None:
-            from ribbon_cli.store import suggest
-
-            hint = suggest(args[0], self.commands) or "; `ribbon --help` lists the commands"
+            hint = store.suggest(args[0], self.commands) or "; `ribbon --help` lists the commands"
             raise UsageError(f"no such command {args[0]!r}{hint}")
         return super().resolve_command(ctx, args)
 
@@ -75,7 +74,7 @@ def _fail(error: BaseException, settings: Settings) -> int:
     if settings.debug and not isinstance(error, Stopped | click.Abort):
         complain("".join(traceback.format_exception(error)).rstrip())
     text, code = _describe(error, settings)
-    complain(text if hasattr(error, "problems") else visible(text))  # one line, whatever a file is called
+    complain(text if hasattr(error, "mistakes") else visible(text))  # one line, whatever a file is called
     return code
 
 
@@ -97,7 +96,7 @@ def _describe(error: BaseException, settings: Settings) -> tuple[str, int]:
 
 def _known(error: RibbonError) -> str:
     """The lines of a config's errors as they are, since editors jump to FILE:LINE:COLUMN; others prefixed."""
-    return str(error) if hasattr(error, "problems") else f"ribbon: {error}"
+    return str(error) if hasattr(error, "mistakes") else f"ribbon: {error}"
 
 
 def _usage(error: click.ClickException) -> str:

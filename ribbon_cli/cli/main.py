@@ -10,6 +10,7 @@ from typing import NoReturn
 
 import click
 
+import ribbon_cli
 from ribbon_cli.cli.compare_command import compare
 from ribbon_cli.cli.completion import SHELLS, register_bash, script
 from ribbon_cli.cli.config_commands import check, init, schema
@@ -51,8 +52,6 @@ _MOMENT = 0.01
 def _version(ctx: click.Context, parameter: click.Parameter, value: bool) -> None:
     """Print the version and leave; looked up only now, because that takes time."""
     if value and not ctx.resilient_parsing:
-        import ribbon_cli
-
         emit(f"ribbon {ribbon_cli.__version__}")
         ctx.exit()
 

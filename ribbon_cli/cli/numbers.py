@@ -6,6 +6,8 @@ from collections.abc import Callable
 
 import click
 
+from ribbon_cli.expression import ExpressionError, evaluate
+
 
 def whole(low: int) -> Callable[[click.Context, click.Parameter, str | None], int | None]:
     """A callback that reads an option's value as a whole number, `low` or more."""
@@ -24,7 +26,6 @@ def positive(ctx: click.Context, parameter: click.Parameter, text: str | None) -
     """Read a positive number as configs spell it: 0.5, 1e-3, pi/30."""
     if text is None:
         return None
-    from ribbon_cli.expression import ExpressionError, evaluate
 
     try:
         value = evaluate(text)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import sys
 from collections.abc import Callable
@@ -10,6 +11,7 @@ from typing import Any
 
 import click
 
+from ribbon_cli import store
 from ribbon_cli.cli.settings import Settings
 from ribbon_cli.errors import RibbonError, UsageError
 from ribbon_cli.text import visible
@@ -45,11 +47,7 @@ def emit_path(path: str) -> None:
 
 def emit_json(value: Any) -> None:
     """Write one JSON document; not-a-number and infinities are null."""
-    import json
-
-    from ribbon_cli.store.log import to_json
-
-    emit(json.dumps(to_json(value), indent=2, allow_nan=False))
+    emit(json.dumps(store.log.to_json(value), indent=2, allow_nan=False))
 
 
 def _discard_output() -> None:
@@ -93,9 +91,8 @@ def deliver(settings: Settings, text: str, path: str | None) -> None:
     if path is None:
         emit(text)
         return
-    from ribbon_cli.store import write_atomic
 
-    write_atomic(path, text.encode(), overwrite=True)
+    store.write_atomic(path, text.encode(), overwrite=True)
     say(settings, f"wrote {path}")
 
 

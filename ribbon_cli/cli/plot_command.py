@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
+from ribbon_cli import api, export, store
+from ribbon_cli import plot as pictures
 from ribbon_cli.api.names import PLOT_KINDS
 from ribbon_cli.api.targets import check_target
 from ribbon_cli.cli.completion import complete_any, complete_file, complete_words
 from ribbon_cli.cli.output import emit, emit_json, say, teller, warn
 from ribbon_cli.cli.settings import Settings, common_options, pass_settings
 from ribbon_cli.errors import UsageError
-
-if TYPE_CHECKING:
-    from ribbon_cli.api.drawing import Named
-    from ribbon_cli.plot.modes import ModeShape
 
 
 @click.command()
@@ -86,34 +84,29 @@ def plot(
     KIND of a run:             convergence, family
     KIND of a run or runs:     branch
     """
-    from ribbon_cli.api.drawing import check_kind, check_title, drawn, source_of
-    from ribbon_cli.export.words import contact_warning
-    from ribbon_cli.plot.figure import ANIMATED, figure_format, find_style, image
-    from ribbon_cli.plot.kinds import animate
-    from ribbon_cli.plot.style import of_width
-    from ribbon_cli.store import write_atomic
-
-    check_kind(kind, index, view, segments, others)
-    style = find_style(look)
-    form = figure_format(output, moving=kind == "mode") if output else "pdf"
+    api.drawing.check_kind(kind, index, view, segments, others)
+    style = pictures.figure.find_style(look)
+    form = pictures.figure.figure_format(output, moving=kind == "mode") if output else "pdf"
     if width is not None:
-        if form == ANIMATED:
+        if form == pictures.figure.ANIMATED:
             raise UsageError("--width does nothing for a film, which is made of pixels")
-        style = of_width(style, _millimetres(width))
-    check_title(title)
+        style = pictures.style.of_width(style, _millimetres(width))
+    api.drawing.check_title(title)
     first = named(settings, ref)
     more = [named(settings, other) for other in others]
-    source = source_of(kind, first, more, _angles(view), segments, index)
+    source = api.drawing.source_of(kind, first, more, _angles(view), segments, index)
     path = output or f"{first.stem}-{kind}.pdf"
     check_target(path, overwrite)
-    shown = drawn(kind, source, style)
+    shown = api.drawing.drawn(kind, source, style)
     picture = shown.picture
-    if form == ANIMATED:
-        data = animate(picture, source, style, None if no_caption else shown.words, title)
+    if form == pictures.figure.ANIMATED:
+        data = pictures.kinds.animate(picture, source, style, None if no_caption else shown.words, title)
     else:
-        data = image(shown.figure(not no_caption, title), form, style, title or picture.title, shown.caption)
-    write_atomic(path, data, overwrite=overwrite)
-    warn(settings, contact_warning(picture.states))
+        data = pictures.figure.image(
+            shown.figure(not no_caption, title), form, style, title or picture.title, shown.caption
+        )
+    store.write_atomic(path, data, overwrite=overwrite)
+    warn(settings, export.words.contact_warning(picture.states))
     if settings.json:
         run = source.run.name if source.run else None
         labels = [record.label for record in picture.states]
@@ -124,7 +117,7 @@ def plot(
         say(settings, shown.words)
 
 
-def _mode_document(mode: ModeShape | None) -> dict[str, Any]:
+def _mode_document(mode: pictures.modes.ModeShape | None) -> dict[str, Any]:
     """What JSON says of the mode that a picture shows."""
     if mode is None:
         return {}
@@ -140,16 +133,12 @@ def _mode_document(mode: ModeShape | None) -> dict[str, Any]:
     }
 
 
-def named(settings: Settings, ref: str) -> Named:
+def named(settings: Settings, ref: str) -> api.drawing.Named:
     """What a reference names, with a word to standard error where it leaves a choice. Raises UsageError."""
-    from ribbon_cli.api import open_state
-    from ribbon_cli.api.drawing import Named
-    from ribbon_cli.store import find_run, names_state
-
-    if not names_state(ref):
-        return Named(ref, find_run(settings.root, ref))
-    run, record, _ = open_state(ref, settings.runs, teller(settings))
-    return Named(ref, run, (record,))
+    if not store.names_state(ref):
+        return api.drawing.Named(ref, store.find_run(settings.root, ref))
+    run, record, _ = api.open_state(ref, settings.runs, teller(settings))
+    return api.drawing.Named(ref, run, (record,))
 
 
 def _angles(text: str | None) -> tuple[float, float] | None:

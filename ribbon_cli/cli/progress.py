@@ -4,18 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
 
+from ribbon_cli import study
 from ribbon_cli.api.console import console
 from ribbon_cli.cli.output import complain
 from ribbon_cli.cli.settings import Settings
 
-if TYPE_CHECKING:
-    from ribbon_cli.study import Progress
-
 
 @contextmanager
-def progress(settings: Settings) -> Iterator[Progress | None]:
+def progress(settings: Settings) -> Iterator[study.Progress | None]:
     """The progress to hand to a study; None when the user wants quiet."""
     if settings.quiet:
         yield None

@@ -7,18 +7,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from ribbon_cli import digits
+from ribbon_cli import digits, study
 from ribbon_cli.export.words import MEETS_ITSELF
+from ribbon_cli.store import StateRecord, Summary
+from ribbon_cli.store.events import Event, Removed
 from ribbon_cli.text import ranges, visible
 
-if TYPE_CHECKING:
-    from ribbon_cli.study import Course, PlannedStage, Target
-
 MISSING = "-"
-State = Mapping[str, Any]
-"""A state's summary, as `ribbon_cli.store.summary` gives it."""
 
 _LEFT = frozenset(
     {"type", "status", "kind", "stage", "run", "last change", "name", "template", "field", "first", "second"}
@@ -54,30 +51,30 @@ def energy(value: float | None) -> str:
     return MISSING if value is None or math.isnan(value) else digits.energy(value)
 
 
-def _figures(state: State) -> list[str]:
+def _figures(state: Summary) -> list[str]:
     """Energy, status, linking number, contact, residuals and certificate of a state."""
     return [
-        energy(state["energy"]),
+        energy(state.energy),
         status_in_words(state),
-        _linking_number(state["linking_number"]),
-        "yes" if state["self_contact"] else "no",
-        number(state["kkt_residual"], ".1e"),
-        number(state["constraint_residual"], ".1e"),
-        "yes" if state["certified"] else "no",
+        _linking_number(state.linking_number),
+        "yes" if state.self_contact else "no",
+        number(state.kkt_residual, ".1e"),
+        number(state.constraint_residual, ".1e"),
+        "yes" if state.certified else "no",
     ]
 
 
-def status_in_words(state: State) -> str:
+def status_in_words(state: Summary | StateRecord) -> str:
     """A state's status; of an auxiliary one with whose minimum it is."""
-    if (state["kind"], state["status"]) == ("auxiliary", "minimum"):
+    if (state.kind, state.status) == ("auxiliary", "minimum"):
         return "minimum of the auxiliary problem"
-    return str(state["status"])
+    return state.status
 
 
-def certificate_in_words(state: State) -> str:
+def certificate_in_words(state: Summary | StateRecord) -> str:
     """Whether a state is certified, and if so whether its band meets itself, which a certificate allows."""
-    word = _plain(state["certified"])
-    return f"{word}, {MEETS_ITSELF}" if state["self_contact"] else word
+    word = _plain(state.certified)
+    return f"{word}, {MEETS_ITSELF}" if state.self_contact else word
 
 
 def _linking_number(value: float | None) -> str:
@@ -88,23 +85,23 @@ def _linking_number(value: float | None) -> str:
 _FIGURES = ("E", "status", "Lk", "contact", "gradient", "constraint", "certificate")
 
 
-def states_table(states: Sequence[State], kinds: bool) -> str:
+def states_table(states: Sequence[Summary], kinds: bool) -> str:
     """The states of a run, with kind and stage if `kinds`."""
     heads = ["label", "b", "N", *_FIGURES, *(("kind", "stage") if kinds else ())]
     rows = (
         [
-            str(state["label"]),
-            number(state["half_width"], ".10g"),
-            str(state["segments"]),
+            str(state.label),
+            number(state.half_width, ".10g"),
+            str(state.segments),
             *_figures(state),
-            *((state["kind"], state["stage"]) if kinds else ()),
+            *((state.kind, state.stage) if kinds else ()),
         ]
         for state in states
     )
     return columns(heads, rows)
 
 
-def targets_table(targets: Iterable[Target], states: Mapping[int, State]) -> str:
+def targets_table(targets: Iterable[study.Target], states: Mapping[int, Summary]) -> str:
     """What came of each target; `states` holds the summaries by label."""
     rows = []
     for target in targets:
@@ -117,7 +114,7 @@ def targets_table(targets: Iterable[Target], states: Mapping[int, State]) -> str
     return columns(["b", "N", "label", *_FIGURES], rows)
 
 
-def branch_text(course: Course) -> str:
+def branch_text(course: study.Course) -> str:
     """A branch: its points in a table, then why it ends."""
     title = visible(f"{course.name}, from state {course.start}")
     why = visible(f"({course.reason}): {course.message}")
@@ -125,7 +122,7 @@ def branch_text(course: Course) -> str:
     return f"{title}\n{branch_table(course)}\n{end}" if course.points else f"{title}: {end}"
 
 
-def branch_table(course: Course) -> str:
+def branch_table(course: study.Course) -> str:
     """The points of a branch: label, type, b, E, index, lowest eigenvalue, Lk and contact."""
     rows = (
         [
@@ -153,14 +150,15 @@ def _branch_index(negative: int | None, before: int | None, after: int | None) -
     return f"{number(before)} to {number(after)}"
 
 
-def runs_table(runs: Iterable[Mapping[str, Any]]) -> str:
+def runs_table(runs: Iterable[study.Standing]) -> str:
     """The runs in a folder."""
-    counts = ("done", "running", "waiting", "failed", "states")
-    rows = (
-        [run["name"], run["status"], *(number(run[count]) for count in counts), run["last_change"] or MISSING]
-        for run in runs
-    )
-    return columns(["run", "status", *counts, "last change"], rows)
+    rows = []
+    for found in runs:
+        counts = found.counts
+        numbers = (counts.done, counts.running, counts.waiting, counts.failed, found.states)
+        rows.append([found.run.name, found.status, *map(number, numbers), found.last_change or MISSING])
+    heads = ["run", "status", "done", "running", "waiting", "failed", "states", "last change"]
+    return columns(heads, rows)
 
 
 def listing(values: Mapping[str, Any]) -> str:
@@ -193,17 +191,15 @@ def _plain(value: Any) -> str:
     return visible(str(value))
 
 
-def history_lines(events: Iterable[Mapping[str, Any]]) -> dict[str, str]:
+def history_lines(events: Iterable[Event]) -> dict[str, str]:
     """What the log tells apart from states, by time: the event, and what it says in words."""
     lines: dict[str, str] = {}
     for event in events:
-        notes = event.get("notes")
+        notes = event.document.get("notes")
         more = ": " + "; ".join(map(str, notes)) if isinstance(notes, list) and notes else ""
-        label = f" {event['label']}" if "label" in event else ""
-        label += f" {ranges(event['labels'])}" if event["event"] == "states-removed" else ""
-        lines[str(event["time"])] = "; ".join(
-            filter(None, [lines.get(str(event["time"])), f"{event['event']}{label}{more}"])
-        )
+        label = f" {event.document['label']}" if "label" in event.document else ""
+        label += f" {ranges(event.labels)}" if isinstance(event, Removed) else ""
+        lines[event.time] = "; ".join(filter(None, [lines.get(event.time), f"{event.kind}{label}{more}"]))
     return lines
 
 
@@ -215,7 +211,7 @@ def gathered(causes: Iterable[tuple[str, str]]) -> list[str]:
     return [f"{'; '.join(group)}: {cause}" for cause, group in places.items()]
 
 
-def plan_table(stages: Sequence[PlannedStage], whole: bool) -> str:
+def plan_table(stages: Sequence[study.PlannedStage], whole: bool) -> str:
     """The stages of a plan; long series of one kind shortened to their ends unless `whole`."""
     rows: list[list[str]] = []
     for index, stage in enumerate(stages):
@@ -227,7 +223,7 @@ def plan_table(stages: Sequence[PlannedStage], whole: bool) -> str:
     return columns(["", "stage", "kind", "b", "N"], rows)
 
 
-def _inside(stages: Sequence[PlannedStage], index: int) -> bool:
+def _inside(stages: Sequence[study.PlannedStage], index: int) -> bool:
     """Whether a stage and two neighbours on either side are of one kind, other than equilibrium."""
     if not 2 <= index < len(stages) - 2 or stages[index].kind == "equilibrium":
         return False

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import click
 
+from ribbon_cli import pages, store
 from ribbon_cli.api.targets import check_target
 from ribbon_cli.cli.completion import complete_file, complete_run
 from ribbon_cli.cli.output import emit, emit_json
@@ -22,11 +23,8 @@ def report_page(settings: Settings, run: str, output: str | None, overwrite: boo
     Config, states with their certificates, pictures, convergence, stages and provenance, in one file that
     needs no network.
     """
-    from ribbon_cli.pages.run import run_page
-    from ribbon_cli.store import find_run, write_atomic
-
-    found = find_run(settings.root, run)
+    found = store.find_run(settings.root, run)
     path = output or f"{found.short_name}.html"
     check_target(path, overwrite)
-    write_atomic(path, run_page(found), overwrite=overwrite)
+    store.write_atomic(path, pages.run.run_page(found), overwrite=overwrite)
     emit_json({"path": path, "run": found.name}) if settings.json else emit(path)

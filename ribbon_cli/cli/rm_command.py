@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
+from ribbon_cli import store, study
 from ribbon_cli.cli.completion import complete_any
 from ribbon_cli.cli.output import complain, emit_json, say
 from ribbon_cli.cli.settings import Settings, common_options, pass_settings
 from ribbon_cli.errors import StoreError, UsageError
-
-if TYPE_CHECKING:
-    from ribbon_cli.store import Run
+from ribbon_cli.text import ranges
 
 
 @click.command()
@@ -37,16 +36,14 @@ def rm(
     States, each as RUN:LABEL, and branches are those that ribbon continue and ribbon refine added: what the
     config leads to would be computed again by the next solve.
     """
-    from ribbon_cli.store import find_run, names_state
-
-    if any(map(names_state, refs)):
+    if any(map(store.names_state, refs)):
         if branches:
             raise UsageError("--branch goes with a run, and the reference names a state")
         run, labels = _states_of_a_run(settings, refs)
         return _remove(settings, run, {"labels": labels, "dependents": dependents}, yes)
     if len(refs) > 1:
         raise UsageError(f"rm: takes one run at a time, or states of one run, got {', '.join(refs)}")
-    run = find_run(settings.root, refs[0])
+    run = store.find_run(settings.root, refs[0])
     if branches:
         return _remove(settings, run, {"numbers": branches, "dependents": dependents}, yes)
     if dependents:
@@ -54,15 +51,13 @@ def rm(
     return _delete(settings, run, yes)
 
 
-def _states_of_a_run(settings: Settings, refs: tuple[str, ...]) -> tuple[Run, tuple[int, ...]]:
+def _states_of_a_run(settings: Settings, refs: tuple[str, ...]) -> tuple[store.Run, tuple[int, ...]]:
     """The run and the labels of the states that are named. Raises UsageError."""
-    from ribbon_cli.store import names_state, resolve_state
-
-    found: list[tuple[Run, int]] = []
+    found: list[tuple[store.Run, int]] = []
     for ref in refs:
-        if not names_state(ref) or "@" in ref:
+        if not store.names_state(ref) or "@" in ref:
             raise UsageError(f"{ref}: a state that is to be removed is named by its label, as in RUN:12")
-        run, label, path = resolve_state(settings.root, ref)
+        run, label, path = store.resolve_state(settings.root, ref)
         if run is None or label is None:
             raise UsageError(f"{path}: not in a run")
         found.append((run, label))
@@ -74,18 +69,15 @@ def _states_of_a_run(settings: Settings, refs: tuple[str, ...]) -> tuple[Run, tu
     return found[0][0], tuple(label for _, label in found)
 
 
-def _remove(settings: Settings, run: Run, request: dict[str, Any], yes: bool) -> int:
+def _remove(settings: Settings, run: store.Run, request: dict[str, Any], yes: bool) -> int:
     """Remove states and branches of a run."""
-    from ribbon_cli.study import removal_of, remove
-    from ribbon_cli.text import ranges
-
-    removal = removal_of(run, **request)
+    removal = study.removal_of(run, **request)
     count = len(removal.labels)
     what = f"{count} state{'s' * (count != 1)}" + (f" ({ranges(removal.labels)})" if count else "")
     if not yes and not _agreed(f"remove {what} of {run.path}?"):
         complain(f"ribbon: {run.path} is kept as it is")
         return UsageError.exit_code
-    remove(run, removal, **request)
+    study.remove(run, removal, **request)
     for remark in run.remarks:
         say(settings, remark)
     if settings.json:
@@ -96,7 +88,7 @@ def _remove(settings: Settings, run: Run, request: dict[str, Any], yes: bool) ->
     return 0
 
 
-def _delete(settings: Settings, run: Run, yes: bool) -> int:
+def _delete(settings: Settings, run: store.Run, yes: bool) -> int:
     """Delete a whole run."""
     try:
         states = f"{len(run.entries())} states"

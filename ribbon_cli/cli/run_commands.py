@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import click
 
+from ribbon_cli import report, store, verify
 from ribbon_cli.api.targets import check_target
 from ribbon_cli.cli.compare_command import (
     answer_of_pairs,
@@ -17,10 +18,8 @@ from ribbon_cli.cli.compare_command import (
 )
 from ribbon_cli.cli.completion import complete_any, complete_file, complete_folder, complete_run
 from ribbon_cli.cli.output import complain, emit, emit_json, emit_path, say, teller
+from ribbon_cli.cli.progress import progress
 from ribbon_cli.cli.settings import Settings, common_options, pass_settings
-
-if TYPE_CHECKING:
-    from ribbon_cli.report.comparison import StatePair
 
 
 @click.command()
@@ -33,9 +32,7 @@ def repair(settings: Settings, run: str) -> None:
     Nothing is deleted: the log is rebuilt from the states, damaged files are renamed to *.damaged-K, config
     files are restored from the states. The next `ribbon solve` computes again what was lost.
     """
-    from ribbon_cli.store import find_run
-
-    found = find_run(settings.root, run)
+    found = store.find_run(settings.root, run)
     done = found.repair()
     if settings.json:
         emit_json({"run": found.name, "path": str(found.path), "done": done})
@@ -56,15 +53,10 @@ def pack(settings: Settings, run: str, output: str | None, overwrite: bool) -> N
 
     `ribbon unpack` makes it a run again, the same bytes. The states' datasets are in it to look at, too.
     """
-    from pathlib import Path
-
-    from ribbon_cli.store import find_run
-    from ribbon_cli.store.pack import pack as write
-
-    found = find_run(settings.root, run)
+    found = store.find_run(settings.root, run)
     path = output or f"{found.name}.pack.h5"
     check_target(path, overwrite)
-    states = write(found, Path(path), overwrite)
+    states = store.pack.pack(found, Path(path), overwrite)
     if settings.json:
         emit_json({"run": found.name, "path": path, "states": states, "bytes": os.path.getsize(path)})
     else:
@@ -80,11 +72,7 @@ def unpack(settings: Settings, file: str) -> None:
 
     It comes into the folder of runs, every file as it was.
     """
-    from pathlib import Path
-
-    from ribbon_cli.store.pack import unpack as read
-
-    run = read(Path(file), settings.root)
+    run = store.pack.unpack(Path(file), settings.root)
     if settings.json:
         emit_json({"run": run.name, "path": str(run.path), "states": len(run.entries())})
     else:
@@ -97,12 +85,10 @@ def unpack(settings: Settings, file: str) -> None:
 @pass_settings
 def path(settings: Settings, ref: str) -> None:
     """Print where a RUN or a STATE is."""
-    from ribbon_cli.store import find_run, names_state, resolve_state
-
-    if names_state(ref):
-        found = resolve_state(settings.root, ref, teller(settings))[2]
+    if store.names_state(ref):
+        found = store.resolve_state(settings.root, ref, teller(settings))[2]
     else:
-        found = find_run(settings.root, ref).path
+        found = store.find_run(settings.root, ref).path
     absolute = os.path.abspath(found)
     emit_json({"path": absolute}) if settings.json else emit_path(absolute)
 
@@ -121,14 +107,9 @@ def rerun(settings: Settings, run: str, into: str | None, exact: bool) -> int:
     Says whether every state comes out `identical`, `same to rounding` (as on another machine, or with other
     versions of libraries) or `different`. The exit code is 3 where one differs or is not reached.
     """
-    from pathlib import Path
-
-    from ribbon_cli.cli.progress import progress
-    from ribbon_cli.study import rerun as repeat
-
     with progress(settings) as shown:
         target = None if into is None else Path(into)
-        found = repeat(settings.root, run, into=target, progress=shown, argv=settings.argv)
+        found = verify.rerun(settings.root, run, into=target, progress=shown, argv=settings.argv)
     if settings.json:
         document = {"run": found.run.name, "equal": found.equal} | pairs_answer(found.pairs)
         states = {"states": found.pairs, "not_from_config": found.extra}
@@ -147,6 +128,6 @@ def rerun(settings: Settings, run: str, into: str | None, exact: bool) -> int:
     return code
 
 
-def _worth_showing(pairs: tuple[StatePair, ...]) -> list[StatePair]:
+def _worth_showing(pairs: tuple[report.comparison.StatePair, ...]) -> list[report.comparison.StatePair]:
     """Equilibria, and whatever differs."""
     return [pair for pair in pairs if pair.kind == "equilibrium" or not pair.equal]

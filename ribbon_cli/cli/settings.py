@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeVar
+from pathlib import Path
+from typing import Any, TypeVar
 
 import click
 
+from ribbon_cli import store
 from ribbon_cli.cli.completion import complete_folder
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 _Command = TypeVar("_Command", bound=Callable[..., Any])
 
@@ -35,9 +34,7 @@ class Settings:
     @property
     def root(self) -> Path:
         """Folder of the runs."""
-        from ribbon_cli.store import runs_root
-
-        return runs_root(self.runs)
+        return store.runs_root(self.runs)
 
 
 def _remember(ctx: click.Context, parameter: click.Parameter, value: Any) -> None:

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import click
 
+from ribbon_cli import config as configs
+from ribbon_cli import store, study
 from ribbon_cli.cli.completion import complete_file, complete_state
 from ribbon_cli.cli.numbers import whole
 from ribbon_cli.cli.output import complain, emit, emit_json, say
+from ribbon_cli.cli.progress import progress
+from ribbon_cli.cli.render import branch_text, gathered, targets_table
 from ribbon_cli.cli.settings import Settings, common_options, pass_settings
 from ribbon_cli.errors import UsageError
-
-if TYPE_CHECKING:
-    from ribbon_cli.config import Config
-    from ribbon_cli.study import Outcome
 
 
 @click.command()
@@ -28,19 +28,14 @@ def solve(settings: Settings, config: str, fresh: bool) -> int:
 
     Prints what came of each target. The exit code is 3 when one was not reached or has no certificate.
     """
-    from ribbon_cli.config import load_config
-
-    return report(settings, run_stages(settings, load_config(config), fresh))
+    return report(settings, run_stages(settings, configs.load_config(config), fresh))
 
 
-def run_stages(settings: Settings, config: Config, fresh: bool = False) -> Outcome:
+def run_stages(settings: Settings, config: configs.Config, fresh: bool = False) -> study.Outcome:
     """Solve what a config's run still lacks, with progress shown."""
-    from ribbon_cli.cli.progress import progress
-    from ribbon_cli.study import solve_config
-
     settings.commits = True
     with progress(settings) as shown:
-        return solve_config(config, settings.root, fresh=fresh, progress=shown, argv=settings.argv)
+        return study.solve_config(config, settings.root, fresh=fresh, progress=shown, argv=settings.argv)
 
 
 @click.command()
@@ -62,26 +57,21 @@ def refine(
     """Refine a stored STATE; the results join its run."""
     if (to is None) == (levels is None):
         raise UsageError("give one of --to N and --levels K")
-    from ribbon_cli.cli.progress import progress
-    from ribbon_cli.study import refine_state
 
     settings.commits = True
     with progress(settings) as shown:
-        outcome = refine_state(
+        outcome = study.refine_state(
             settings.root, state, to=to, levels=levels, method=method, progress=shown, argv=settings.argv
         )
     return report(settings, outcome)
 
 
-def report(settings: Settings, outcome: Outcome) -> int:
+def report(settings: Settings, outcome: study.Outcome) -> int:
     """Print what came of every target, and name failures on standard error; return the exit code.
 
     The outcome's notes have been shown as they came up; only JSON repeats them.
     """
-    from ribbon_cli.cli.render import branch_text, gathered, targets_table
-    from ribbon_cli.store import typed
-
-    states = {state["label"]: state for state in outcome.run.states(all=True)}
+    states = {state.label: state for state in outcome.run.states(all=True)}
     if settings.json:
         targets = [asdict(target) for target in outcome.targets]
         labels = {target.label for target in outcome.targets}
@@ -91,7 +81,7 @@ def report(settings: Settings, outcome: Outcome) -> int:
             "exit_code": outcome.exit_code,
             "new_states": outcome.new_states,
             "targets": targets,
-            "states": [state for label, state in states.items() if label in labels],
+            "states": [state.listed(outcome.run.name) for label, state in states.items() if label in labels],
             "branches": [asdict(course) for course in outcome.branches],
             "notes": list(outcome.notes),
             "failures": list(outcome.failures),
@@ -102,7 +92,7 @@ def report(settings: Settings, outcome: Outcome) -> int:
         for course in outcome.branches:
             emit("\n" + branch_text(course))
     new = f"{outcome.new_states} new state{'s' * (outcome.new_states != 1)}"
-    say(settings, f"{outcome.run.path}: {new}; `ribbon ls {typed(outcome.run)}` lists the run")
+    say(settings, f"{outcome.run.path}: {new}; `ribbon ls {store.typed(outcome.run)}` lists the run")
     for failure in gathered(outcome.causes):
         complain(f"ribbon: {failure}")
     return outcome.exit_code

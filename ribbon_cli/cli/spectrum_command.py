@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import asdict
 from typing import Any
 
 import click
 
+from ribbon_cli import analysis, api, report, store
 from ribbon_cli.api.targets import check_target
 from ribbon_cli.cli.completion import complete_any, complete_file
 from ribbon_cli.cli.output import complain, deliver, emit_json, say, teller, text_format
@@ -19,7 +21,13 @@ _FORMATS = ("text", "markdown", "csv", "json", "npz")
 
 @click.command()
 @click.argument("ref", metavar="STATE|RUN", shell_complete=complete_any)
-@click.option("--metric", type=click.Choice(METRICS), default="physical", show_default=True)
+@click.option(
+    "--metric",
+    type=click.Choice(METRICS),
+    default="physical",
+    show_default=True,
+    help="How the size of a mode is measured.",
+)
 @click.option("--modes", metavar="K", type=click.IntRange(1), help="Lowest modes; default 12, convergence 6.")
 @click.option("--full", is_flag=True, help="All 2N-3 eigenvalues, by dense algebra; of a RUN, at each N.")
 @click.option("--convergence", is_flag=True, help="Of a RUN: the lowest eigenvalues over N, orders, limits.")
@@ -44,18 +52,16 @@ def spectrum(
     The modes of a STATE are rotations, sliding along the band, checkerboards of the discretisation and
     others, with signs under each symmetry that it has. With --convergence, a table of a RUN over N.
     """
-    from ribbon_cli.store import names_state
-
     style = text_format(settings, style)
     if full and (convergence or modes):
         raise UsageError("--full lists every mode: leave out --modes and --convergence")
-    if style == "npz" and (output is None or convergence or not names_state(ref)):
+    if style == "npz" and (output is None or convergence or not store.names_state(ref)):
         raise UsageError("--format npz holds the modes of one STATE: name it, and the file with -o")
     if output is not None:
         check_target(output, overwrite)
     if convergence:
         document, failures = _converge(settings, ref, metric, modes)
-    elif full and not names_state(ref):
+    elif full and not store.names_state(ref):
         document, failures = _all_of_run(settings, ref, metric), []
     else:
         archive = output if style == "npz" else None
@@ -78,27 +84,20 @@ def _analyse(
     overwrite: bool,
 ) -> dict[str, Any]:
     """One state's document; its modes go to the npz file `archive`, if that is asked for."""
-    from ribbon_cli.api import open_state
-    from ribbon_cli.store import write_arrays
-    from ribbon_cli.study import arrays_of, document_of, stability_of
-
-    run, record, _ = open_state(ref, settings.runs, teller(settings))
-    found = stability_of(record, metric, modes or 12, full)
-    document = document_of(record, found, run.name if run else None)
+    run, record, _ = api.open_state(ref, settings.runs, teller(settings))
+    found = analysis.stability_of(record, metric, modes or 12, full)
+    document = analysis.document_of(record, found, run.name if run else None)
     if archive is not None:
-        write_arrays(archive, arrays_of(record, found, run.name if run else ""), overwrite)
+        store.write_arrays(archive, analysis.arrays_of(record, found, run.name if run else ""), overwrite)
         say(settings, f"wrote {archive}")
     return document
 
 
 def _all_of_run(settings: Settings, ref: str, metric: str) -> dict[str, Any]:
     """The documents of all of a run's equilibria."""
-    from ribbon_cli.store import find_run
-    from ribbon_cli.study import document_of, run_spectra
-
-    run = find_run(settings.root, ref)
-    found = run_spectra(run, metric)
-    states = [document_of(record, stability, run.name) for record, stability in found]
+    run = store.find_run(settings.root, ref)
+    found = analysis.run_spectra(run, metric)
+    states = [analysis.document_of(record, stability, run.name) for record, stability in found]
     return {"run": run.name, "metric": metric, "states": states}
 
 
@@ -106,11 +105,8 @@ def _converge(
     settings: Settings, ref: str, metric: str, modes: int | None
 ) -> tuple[dict[str, Any], list[str]]:
     """A run's document, and which states were left out."""
-    from ribbon_cli.store import find_run
-    from ribbon_cli.study import spectral_convergence
-
-    run = find_run(settings.root, ref)
-    table = spectral_convergence(run, metric, modes or 6)
+    run = store.find_run(settings.root, ref)
+    table = analysis.spectral_convergence(run, metric, modes or 6)
     document = {
         "run": run.name,
         "metric": table.metric,
@@ -123,17 +119,12 @@ def _converge(
 
 def _write(settings: Settings, document: dict[str, Any], style: str, output: str | None) -> None:
     """Print a document, or write it to a file."""
-    import json
-
-    from ribbon_cli.report.spectra import renderers
-    from ribbon_cli.store.log import to_json
-
     if style == "json" and output is None:
         emit_json(document)
         return
     text = (
-        json.dumps(to_json(document), indent=2) + "\n"
+        json.dumps(store.log.to_json(document), indent=2) + "\n"
         if style == "json"
-        else renderers(document)[style](document)
+        else report.spectra.renderers(document)[style](document)
     )
     deliver(settings, text, output)

@@ -4,18 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
+from ribbon_cli import api, store, study
 from ribbon_cli.cli.completion import complete_any, complete_kind, complete_run, complete_status
 from ribbon_cli.cli.output import complain, emit, emit_json, say, teller
+from ribbon_cli.cli.render import (
+    branch_text,
+    certificate_in_words,
+    history_lines,
+    listing,
+    runs_table,
+    states_table,
+    status_in_words,
+)
 from ribbon_cli.cli.settings import Settings, common_options, pass_settings
 from ribbon_cli.errors import StoreError, UsageError
-
-if TYPE_CHECKING:
-    from ribbon_cli.store import Run, StateRecord
-    from ribbon_cli.study import Course
+from ribbon_cli.store.events import Event
 
 _WHOLE_CONFIGS = ("config_text", "config_resolved")
 """Provenance that only `--json` shows."""
@@ -38,20 +45,16 @@ def ls(settings: Settings, run: str | None, everything: bool, status: str | None
     Of runs it says how far they have come: how many of the equilibria that the config names are done, in
     hand, waiting or failed. RUN@b=0.5 and RUN@b=0.5,N=400 list the states of a width or mesh.
     """
-    from ribbon_cli.cli.render import runs_table
-    from ribbon_cli.store import list_runs
-    from ribbon_cli.study import RUN_STATUSES, standing
-
     if run is not None:
         return _list_states(settings, run, everything, status, kind)
     if kind is not None:
         raise UsageError("--kind is of states: name a run as well")
-    _known("status", status, RUN_STATUSES)
-    runs = [standing(item) for item in list_runs(settings.root, aside=everything)]
-    damaged = [item["damage"] for item in runs if item["damage"]]
-    runs = [item for item in runs if status is None or item["status"] == status]
+    _known("status", status, study.RUN_STATUSES)
+    runs = [study.standing(item) for item in store.list_runs(settings.root, aside=everything)]
+    damaged = [item.damage for item in runs if item.damage]
+    runs = [item for item in runs if status is None or item.status == status]
     if settings.json:
-        emit_json(runs)
+        emit_json([item.to_dict() for item in runs])
     elif runs:
         emit(runs_table(runs))
     else:
@@ -64,47 +67,38 @@ def ls(settings: Settings, run: str | None, everything: bool, status: str | None
 
 def _list_states(settings: Settings, ref: str, everything: bool, status: str | None, kind: str | None) -> int:
     """List a run's states that the filters leave."""
-    from ribbon_cli.api.tables import as_found, damage_in_words
-    from ribbon_cli.cli.render import states_table
-    from ribbon_cli.store import KINDS, find_states
-    from ribbon_cli.study import STATE_STATUSES
-
-    _known("kind", kind, KINDS)
-    _known("status", status, STATE_STATUSES)
-    run, states = find_states(settings.root, ref, everything or kind is not None)
-    states, lost = as_found(run, states)
+    _known("kind", kind, store.KINDS)
+    _known("status", status, study.STATE_STATUSES)
+    run, states = store.find_states(settings.root, ref, everything or kind is not None)
+    states, lost = api.tables.as_found(run, states)
     shown = [
         state
         for state in states
-        if (status is None or state["status"] == status) and (kind is None or state["kind"] == kind)
+        if (status is None or state.status == status) and (kind is None or state.kind == kind)
     ]
     if settings.json:
-        emit_json(shown)
+        emit_json([state.listed(run.name) for state in shown])
     elif shown:
         emit(states_table(shown, kinds=everything or kind is not None))
     else:
         say(settings, _emptiness(run) if not states else f"{run.name} has no such states")
-    for line in damage_in_words(run, lost):
+    for line in api.tables.damage_in_words(run, lost):
         complain(f"ribbon: {line}")
     return StoreError.exit_code if lost else 0
 
 
 def _known(name: str, word: str | None, known: Iterable[str]) -> None:
     """Refuse an option's value that can match nothing. Raises UsageError."""
-    from ribbon_cli.store import suggest
-
     if word is not None and word not in known:
-        raise UsageError(f"--{name}: {word!r} is none of {', '.join(known)}{suggest(word, known)}")
+        raise UsageError(f"--{name}: {word!r} is none of {', '.join(known)}{store.suggest(word, known)}")
 
 
-def _emptiness(run: Run) -> str:
+def _emptiness(run: store.Run) -> str:
     """Why a run's listing is empty."""
-    from ribbon_cli.store.refs import no_equilibria
-
     if run.states():
         return f"{run.name} has no such states"
     if run.entries():
-        return no_equilibria(run)
+        return store.refs.no_equilibria(run)
     return f"{run.name} has no states yet"
 
 
@@ -117,22 +111,12 @@ def show(settings: Settings, ref: str) -> None:
 
     Of a state all but its arrays, provenance included; of a run its config, history and branches.
     """
-    from ribbon_cli.cli.render import (
-        branch_text,
-        certificate_in_words,
-        history_lines,
-        listing,
-        status_in_words,
-    )
-    from ribbon_cli.store import names_state
-
-    words: dict[str, Any]
-    if names_state(ref):
-        document = _show_state(settings, ref)
-        facts = {key: value for key, value in document["provenance"].items() if key not in _WHOLE_CONFIGS}
+    if store.names_state(ref):
+        record, document = _show_state(settings, ref)
+        facts = {key: value for key, value in record.provenance.items() if key not in _WHOLE_CONFIGS}
         words = {
-            "status": status_in_words(document),
-            "certified": certificate_in_words(document),
+            "status": status_in_words(record),
+            "certified": certificate_in_words(record),
             "provenance": facts,
         }
         if settings.json:
@@ -141,30 +125,27 @@ def show(settings: Settings, ref: str) -> None:
             shown = {key: value for key, value in document.items() if key != "event_kinds"}
             emit(listing({**shown, **words}))
         return
-    document, branches = _show_run(settings, ref)
+    document, events, branches = _show_run(settings, ref)
     if settings.json:
-        emit_json(document | {"branches": [asdict(course) for course in branches]})
+        history = {"history": [event.document for event in events]}
+        emit_json(document | history | {"branches": [asdict(course) for course in branches]})
     else:
-        words = {"history": history_lines(document["history"])}
         numbered = (f"{k}. {branch_text(course)}" for k, course in enumerate(branches, start=1))
-        emit("\n\n".join([listing({**document, **words}), *numbered]))
+        emit("\n\n".join([listing({**document, "history": history_lines(events)}), *numbered]))
 
 
-def _show_state(settings: Settings, ref: str) -> dict[str, Any]:
-    """All of a state but its arrays."""
-    from ribbon_cli.api import open_state
-    from ribbon_cli.store import summary
-
-    run, record, path = open_state(ref, settings.runs, teller(settings))
-    return {
-        **summary(record, run.name if run else None),
+def _show_state(settings: Settings, ref: str) -> tuple[store.StateRecord, dict[str, Any]]:
+    """A state, and all of it but its arrays as a document."""
+    run, record, path = api.open_state(ref, settings.runs, teller(settings))
+    return record, {
+        **store.Summary.of(record).listed(run.name if run else None),
         "path": str(path),
         "spectra": _spectra(record),
         "provenance": dict(record.provenance),
     }
 
 
-def _spectra(record: StateRecord) -> dict[str, Any]:
+def _spectra(record: store.StateRecord) -> dict[str, Any]:
     """How much of each spectrum is stored, by metric."""
     return {
         spectrum.metric: {
@@ -177,14 +158,11 @@ def _spectra(record: StateRecord) -> dict[str, Any]:
     }
 
 
-def _show_run(settings: Settings, ref: str) -> tuple[dict[str, Any], tuple[Course, ...]]:
-    """A run: what `ribbon ls` says of it, its config, its history apart from states, and its branches."""
-    from ribbon_cli.store import find_run
-    from ribbon_cli.study import courses, standing
-
-    run = find_run(settings.root, ref)
-    facts = standing(run)
-    if facts["damage"]:
-        raise StoreError(facts["damage"])
-    events = [event for event in run.events() if event["event"] != "state"]
-    return facts | {"config": str(run.path / "config.yaml"), "history": events}, courses(run)
+def _show_run(settings: Settings, ref: str) -> tuple[dict[str, Any], list[Event], tuple[study.Course, ...]]:
+    """What `ribbon ls` says of a run and its config, its history apart from states, and its branches."""
+    run = store.find_run(settings.root, ref)
+    facts = study.standing(run)
+    if facts.damage:
+        raise StoreError(facts.damage)
+    events = [event for event in run.events() if event.kind != "state"]
+    return facts.to_dict() | {"config": str(run.path / "config.yaml")}, events, study.courses(run)

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import click
 
+from ribbon_cli import verify as verifying
 from ribbon_cli.cli.completion import complete_checkable
+from ribbon_cli.cli.continuum_command import show_continuum
 from ribbon_cli.cli.output import complain, emit, emit_json, say, teller
 from ribbon_cli.cli.settings import Settings, common_options, pass_settings
 from ribbon_cli.errors import StoreError
-
-if TYPE_CHECKING:
-    from ribbon_cli.study import Verification
 
 
 @click.command()
@@ -28,12 +25,9 @@ def verify(settings: Settings, ref: str, continuum: bool) -> int:
     anything differs.
     """
     if continuum:
-        from ribbon_cli.cli.continuum_command import show_continuum
-
         return show_continuum(settings, ref)
-    from ribbon_cli.study import verify as check
 
-    found = check(settings.root, ref, teller(settings))
+    found = verifying.verify(settings.root, ref, teller(settings))
     if settings.json:
         emit_json(document(found))
     else:
@@ -45,7 +39,7 @@ def verify(settings: Settings, ref: str, continuum: bool) -> int:
     return conclude(settings, found)
 
 
-def document(found: Verification) -> dict[str, object]:
+def document(found: verifying.Verification) -> dict[str, object]:
     """A verification as JSON."""
     notes = [finding for finding in found.findings if finding.note]
     return {
@@ -57,7 +51,7 @@ def document(found: Verification) -> dict[str, object]:
     }
 
 
-def conclude(settings: Settings, found: Verification) -> int:
+def conclude(settings: Settings, found: verifying.Verification) -> int:
     """Say in a line how it went; return the exit code."""
     if not (found.runs or found.states or found.problems):
         say(settings, f"no runs in {settings.root} (see --runs): nothing to verify")

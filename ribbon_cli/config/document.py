@@ -13,7 +13,7 @@ from typing import Any, Literal
 
 import yaml
 
-from ribbon_cli.config.problems import Problems, shown
+from ribbon_cli.config.mistakes import Mistakes, shown
 from ribbon_cli.config.syntax import explain
 
 MAX_BYTES = 1 << 20
@@ -34,7 +34,7 @@ class Node:
 
     A scalar has its `text` and whether it was `quoted` (a block scalar counts as such); a list its
     `items`; a mapping its keys and values, alternating, in `items`. An "invalid" node stands for one
-    about which a problem has been recorded already: readers pass over it in silence.
+    about which a mistake has been recorded already: readers pass over it in silence.
     """
 
     line: int
@@ -45,7 +45,7 @@ class Node:
     items: list[Node] = field(default_factory=list)
 
 
-class _StopReading(Exception):  # noqa: N818  (not an error: the problem is on record)
+class _StopReading(Exception):  # noqa: N818  (not an error: the mistake is on record)
     """The rest of the document is not worth reading."""
 
 
@@ -57,12 +57,12 @@ def position(text: str, index: int) -> tuple[int, int]:
     return line, index - start + 1
 
 
-def read_document(text: str, problems: Problems, loader: Any = _LOADER) -> Node | None:
-    """The document's root, a mapping; None (with the problem recorded) where there is none."""
+def read_document(text: str, mistakes: Mistakes, loader: Any = _LOADER) -> Node | None:
+    """The document's root, a mapping; None (with the mistake recorded) where there is none."""
     text = text.removeprefix("\ufeff")
-    if not _fit_for_yaml(text, problems):
+    if not _fit_for_yaml(text, mistakes):
         return None
-    builder = _Builder(problems)
+    builder = _Builder(mistakes)
     try:
         for event in yaml.parse(text, Loader=loader):
             builder.add(event)
@@ -72,45 +72,45 @@ def read_document(text: str, problems: Problems, loader: Any = _LOADER) -> Node 
         line, column, message = explain(error)
         # What is missing at the end is missing after the last character, not on a line below it.
         end = position(text, len(text.rstrip(" \r\n")))
-        problems.add(*min((line, column), end), "", message)
+        mistakes.add(*min((line, column), end), "", message)
         return None
     except (yaml.YAMLError, ValueError, OverflowError):  # the last two: an escape beyond Unicode
-        problems.add(*builder.last, "", "not valid YAML: the text after this point cannot be read")
+        mistakes.add(*builder.last, "", "not valid YAML: the text after this point cannot be read")
         return None
-    return _mapping(builder.root, problems)
+    return _mapping(builder.root, mistakes)
 
 
-def _fit_for_yaml(text: str, problems: Problems) -> bool:
+def _fit_for_yaml(text: str, mistakes: Mistakes) -> bool:
     """Whether the characters are such that YAML, editors and readers agree about them."""
     if len(text) > MAX_BYTES:
-        problems.add(0, 0, "", "larger than 1 MiB, which no config needs")
+        mistakes.add(0, 0, "", "larger than 1 MiB, which no config needs")
         return False
-    before = len(problems.found)
+    before = len(mistakes.found)
     for match in _UNPRINTABLE.finditer(text):
         code = f"U+{ord(match.group()):04X}"
-        problems.add(*position(text, match.start()), "", f"control character {code}: remove it")
+        mistakes.add(*position(text, match.start()), "", f"control character {code}: remove it")
     for match in _TAB.finditer(text):
-        problems.add(
+        mistakes.add(
             *position(text, match.start(1)), "", "tab character: indent and separate with spaces alone"
         )
     for match in _DIRECTIVE.finditer(text):
-        problems.add(
+        mistakes.add(
             *position(text, match.start()), "", "YAML directives (%) are not accepted: remove the line"
         )
-    return len(problems.found) == before
+    return len(mistakes.found) == before
 
 
-def _mapping(root: Node | None, problems: Problems) -> Node | None:
+def _mapping(root: Node | None, mistakes: Mistakes) -> Node | None:
     empty = root is None or (root.kind == "scalar" and not root.text and not root.quoted)
     if empty:
-        problems.add(1, 1, "", "the file holds no settings; `ribbon init` writes a config to start from")
+        mistakes.add(1, 1, "", "the file holds no settings; `ribbon init` writes a config to start from")
         return None
     if root is None or root.kind == "invalid":
         return None
     if root.kind != "mapping":
         found = "a list" if root.kind == "list" else shown(root.text)
         expected = "must be settings such as 'length: 2*pi', each on its line"
-        problems.add(root.line, root.column, "", f"{expected}, got {found}")
+        mistakes.add(root.line, root.column, "", f"{expected}, got {found}")
         return None
     return root
 
@@ -118,10 +118,10 @@ def _mapping(root: Node | None, problems: Problems) -> Node | None:
 class _Builder:
     """Puts the parser's events together to a tree, without recursion."""
 
-    def __init__(self, problems: Problems) -> None:
+    def __init__(self, mistakes: Mistakes) -> None:
         self.root: Node | None = None
         self.last = (1, 1)
-        self._problems = problems
+        self._mistakes = mistakes
         self._open: list[Node] = []
         self._count = 0
         self._documents = 0
@@ -157,13 +157,13 @@ class _Builder:
     def _node(self, event: yaml.NodeEvent) -> Node:
         line, column = self.last
         if isinstance(event, yaml.AliasEvent):
-            self._problems.add(
+            self._mistakes.add(
                 line, column, "", f"aliases (*{shown(event.anchor or '')}) are not accepted: write the value"
             )
             return Node(line, column, "invalid")
         refused = self._refused(event)
         if refused:
-            self._problems.add(line, column, "", refused)
+            self._mistakes.add(line, column, "", refused)
             return Node(line, column, "invalid")
         if isinstance(event, yaml.ScalarEvent):
             return Node(line, column, "scalar", event.value, quoted=event.style in ("'", '"', "|", ">"))
@@ -179,5 +179,5 @@ class _Builder:
         return ""
 
     def _stop(self, message: str) -> None:
-        self._problems.add(*self.last, "", message)
+        self._mistakes.add(*self.last, "", message)
         raise _StopReading

@@ -1,4 +1,4 @@
-"""From a file or text to a `Config`, or to all the problems in it at once."""
+"""From a file or text to a `Config`, or to all the mistakes in it at once."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from ribbon_cli.config import sections
 from ribbon_cli.config.arclength import arclength, is_arclength
 from ribbon_cli.config.document import MAX_BYTES, Node, position, read_document
 from ribbon_cli.config.guess import initial_guess
-from ribbon_cli.config.problems import Problems, near_miss, shown
+from ribbon_cli.config.mistakes import Mistakes, near_miss, shown
 from ribbon_cli.config.reader import Limit, Reader
 from ribbon_cli.config.table import CONFIG, NAME, TOPOLOGY
 from ribbon_cli.config.types import Config
@@ -18,13 +18,13 @@ from ribbon_cli.config.types import Config
 def load_config(path: str | os.PathLike[str]) -> Config:
     """Read and check the config at `path`. Raises ConfigError with everything that is wrong."""
     file = os.fsdecode(path)
-    problems = Problems(file)
-    data = _read(file, problems)
+    mistakes = Mistakes(file)
+    data = _read(file, mistakes)
     try:
         text = data.decode("utf-8")
     except UnicodeDecodeError as error:
-        _report_not_utf8(data, error.start, problems)
-        raise problems.error() from None
+        _report_not_utf8(data, error.start, mistakes)
+        raise mistakes.error() from None
     return parse_config(text, file)
 
 
@@ -34,11 +34,11 @@ def parse_config(text: str, path: str | os.PathLike[str]) -> Config:
     Raises ConfigError with everything that is wrong.
     """
     path = os.fsdecode(path)
-    problems = Problems(path)
-    root = read_document(text, problems)
+    mistakes = Mistakes(path)
+    root = read_document(text, mistakes)
     if root is None:
-        raise problems.error()
-    reader = Reader(problems)
+        raise mistakes.error()
+    reader = Reader(mistakes)
     found = reader.section(root, "", CONFIG)
     top = found.nodes
     name = found.read("name") if "name" in top else _stem(reader, root, path)
@@ -67,8 +67,8 @@ def parse_config(text: str, path: str | os.PathLike[str]) -> Config:
         )
     spectrum = sections.spectrum(reader, top.get("spectrum"))
     contact = found.read("contact")
-    if problems.found or half_twists is None or length is None or widths is None:
-        raise problems.error()
+    if mistakes.found or half_twists is None or length is None or widths is None:
+        raise mistakes.error()
     return Config(
         name=name,
         half_twists=half_twists,
@@ -89,28 +89,28 @@ def _stem(reader: Reader, root: Node, path: str) -> str:
     """The file's stem, a run's name by default; it becomes a folder's, so no path can hide in it."""
     stem = Path(path).stem
     if not NAME.fits(stem):
-        problem = f"is missing, and the file's {stem[:40]!a} cannot stand for it"
-        reader.report(root, "name", f"{problem}: give {NAME.expected}")
+        mistake = f"is missing, and the file's {stem[:40]!a} cannot stand for it"
+        reader.report(root, "name", f"{mistake}: give {NAME.expected}")
     return stem
 
 
-def _read(file: str, problems: Problems) -> bytes:
+def _read(file: str, mistakes: Mistakes) -> bytes:
     try:
         with open(file, "rb") as stream:
             data = stream.read(MAX_BYTES + 1)
     except FileNotFoundError:
-        problems.add(0, 0, "", f"no such file{_other_file(file)}")
+        mistakes.add(0, 0, "", f"no such file{_other_file(file)}")
     except IsADirectoryError:
-        problems.add(0, 0, "", "is a folder: name a config file in it")
+        mistakes.add(0, 0, "", "is a folder: name a config file in it")
     except PermissionError:
-        problems.add(0, 0, "", "cannot be read: permission denied")
+        mistakes.add(0, 0, "", "cannot be read: permission denied")
     except (OSError, ValueError) as error:  # ValueError: a NUL in the path
-        problems.add(0, 0, "", f"cannot be read: {getattr(error, 'strerror', None) or error}")
+        mistakes.add(0, 0, "", f"cannot be read: {getattr(error, 'strerror', None) or error}")
     else:
         if len(data) <= MAX_BYTES:
             return data
-        problems.add(0, 0, "", "larger than 1 MiB, which no config needs")
-    raise problems.error() from None
+        mistakes.add(0, 0, "", "larger than 1 MiB, which no config needs")
+    raise mistakes.error() from None
 
 
 def _other_file(file: str) -> str:
@@ -124,8 +124,8 @@ def _other_file(file: str) -> str:
     return f": did you mean {shown(os.path.join(folder, meant))}?" if meant else ""
 
 
-def _report_not_utf8(data: bytes, offset: int, problems: Problems) -> None:
+def _report_not_utf8(data: bytes, offset: int, mistakes: Mistakes) -> None:
     before = data[:offset].decode("utf-8").removeprefix("\ufeff")
     byte = f"byte 0x{data[offset]:02x} at offset {offset}"
     encoding = " (it looks like UTF-16)" if data[:2] in (b"\xff\xfe", b"\xfe\xff") else ""
-    problems.add(*position(before, len(before)), "", f"not UTF-8, {byte}{encoding}: save the file in UTF-8")
+    mistakes.add(*position(before, len(before)), "", f"not UTF-8, {byte}{encoding}: save the file in UTF-8")

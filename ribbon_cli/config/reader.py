@@ -1,4 +1,4 @@
-"""Typed reading of nodes: each method gives a value, or None with the problem recorded."""
+"""Typed reading of nodes: each method gives a value, or None with the mistake recorded."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 from ribbon_cli.config.document import Node
 from ribbon_cli.config.keys import Flag, Integer, Items, Number, Section, Takes, Text, Word
-from ribbon_cli.config.problems import Problems, near_miss, shown
+from ribbon_cli.config.mistakes import Mistakes, near_miss, shown
 from ribbon_cli.expression import ExpressionError, evaluate
 
 _INTEGER = re.compile(r"[+-]?(?:0|[1-9][0-9]{0,17})")
@@ -46,20 +46,20 @@ def got(node: Node) -> str:
 
 
 class Reader:
-    """Reads the values of one document, recording what is wrong with them in `problems`."""
+    """Reads the values of one document, recording what is wrong with them in `mistakes`."""
 
-    def __init__(self, problems: Problems) -> None:
-        self._problems = problems
+    def __init__(self, mistakes: Mistakes) -> None:
+        self._mistakes = mistakes
 
     def report(self, node: Node, field: str, message: str) -> None:
-        """Record a problem at `node`."""
-        self._problems.add(node.line, node.column, field, message)
+        """Record a mistake at `node`."""
+        self._mistakes.add(node.line, node.column, field, message)
 
     def section(self, node: Node, field: str, section: Section, refused: Mapping[str, str] = _NONE) -> Found:
         """The values of a section by key; none where the node is no mapping.
 
         Keys must be the section's and given once, with a value. `refused` says for a key that must not be
-        there why. A key with a problem, or whose name was most likely misspelt, has an invalid node.
+        there why. A key with a mistake, or whose name was most likely misspelt, has an invalid node.
         """
         known = tuple(key.name for key in section.keys)
         found: dict[str, Node] = {}

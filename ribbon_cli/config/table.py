@@ -1,4 +1,4 @@
-"""The one table of what a config may say; reader, `ribbon schema` and the README's table follow from it.
+"""The one table of what a config may say; reader, `ribbon schema` and the reference's table follow from it.
 
 A new key is a row here, and a field of the record in `types.py` that holds it.
 """

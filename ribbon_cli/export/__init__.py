@@ -1,1 +1,5 @@
 """States and branches in the formats of other programs. Reads stored states, never solves."""
+
+from ribbon_cli.doors import door
+
+__getattr__, __dir__ = door(__name__, __file__)

@@ -6,22 +6,19 @@ Two triangles cross if they share more than the vertices or the edge that joins 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
-    Integers = NDArray[Any]
-    Indices = NDArray[np.int64]
-    Signs = NDArray[np.int8]
-    Flags = NDArray[np.bool_]
+Array = NDArray[np.float64]
+Integers = NDArray[Any]
+Indices = NDArray[np.int64]
+Signs = NDArray[np.int8]
+Flags = NDArray[np.bool_]
 
 ROUNDING = 2.0**-48
 """Bound of the relative error of a determinant of three differences of floats: ten roundings are fewer."""

@@ -9,41 +9,20 @@ over.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ribbon_cli.export.mesh import FACET_FIELDS, ODD_FIELDS, field_values, is_closed
+from ribbon_cli.model import staggered
+from ribbon_cli.store import StateRecord
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from ribbon_cli.store import StateRecord
-
-    Array = NDArray[np.float64]
-
-FLAT = 1e-6
-"""Curvature, relative to the ring's 2 pi/l, below which a sign is rounding."""
+Array = NDArray[np.float64]
 
 
 def inflections(record: StateRecord) -> Array:
-    """Places alpha in [0, l), ascending, where kappa_s changes sign, by linear interpolation between nodes.
-
-    Node 1 lies at alpha = 0. On a one-sided band kappa_s of node 1 as seen from facet N has the opposite
-    sign. Nodes flatter than FLAT have no sign of their own: an inflection lies among them if the signs on
-    their two sides differ. The same as `model.staggered.inflections`, which exports do not reach.
-    """
-    n = record.segments
-    at = np.flatnonzero(np.abs(record.kappa_s) > FLAT * 2 * np.pi / record.length)
-    if at.size < 2:
-        return np.empty(0)
-    kappa = record.kappa_s[at]
-    following = np.append(kappa[1:], record.sigma * kappa[0])
-    gap = np.append(at[1:], at[0] + n) - at
-    turns = kappa * following < 0
-    share = kappa[turns] / (kappa[turns] - following[turns])
-    places: Array = np.sort((at[turns] + gap[turns] * share) * record.length / n % record.length)
-    return places
+    """Places alpha (k,) in [0, l), ascending, where a state's kappa_s changes sign; node 1 is at 0."""
+    return staggered.inflections(record.kappa_s, record.length, record.sigma)
 
 
 @dataclass(frozen=True)

@@ -10,22 +10,18 @@ mountains: the angles differ in sign.
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ribbon_cli.errors import UsageError
 from ribbon_cli.export.mesh import check_shape, is_closed
 from ribbon_cli.export.pattern import fold_angles
 from ribbon_cli.export.sheet import fold_kind
-from ribbon_cli.store import summary
+from ribbon_cli.store import StateRecord, Summary
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from ribbon_cli.store import StateRecord
-
-    Array = NDArray[np.float64]
+Array = NDArray[np.float64]
 
 SPECIFICATION = 1.2
 ASSIGNMENTS = {"mountain": "M", "valley": "V", "flat": "F"}
@@ -48,7 +44,7 @@ def fold_bytes(record: StateRecord, title: str, run: str | None) -> bytes:
         "file_title": title,
         "file_description": _description(record),
         "file_classes": ["singleModel"],
-        "file_ribbon:state": summary(record, run),
+        "file_ribbon:state": Summary.of(record).listed(run),
         "frame_title": "flat strip",
         "frame_classes": ["creasePattern"],
         "frame_attributes": ["2D", *shared],

@@ -4,15 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from ribbon_cli.errors import UsageError
+from ribbon_cli.export.fold import fold_bytes
+from ribbon_cli.export.gltf import glb_bytes
+from ribbon_cli.export.meshes import obj_bytes, ply_bytes, stl_bytes
+from ribbon_cli.export.pattern import fold_pattern
 from ribbon_cli.export.series import branch, left_out
+from ribbon_cli.export.sheet import pages
+from ribbon_cli.export.solid import Solid, printed, remarks
+from ribbon_cli.export.svg import pattern_pdf, pattern_svg
+from ribbon_cli.export.text import csv_bytes, json_bytes
+from ribbon_cli.export.viewer import viewer_html
+from ribbon_cli.export.vtkhdf import vtkhdf_bytes
+from ribbon_cli.store import Run, StateRecord
 from ribbon_cli.store.refs import typed
-
-if TYPE_CHECKING:
-    from ribbon_cli.export.solid import Solid
-    from ribbon_cli.store import Run, StateRecord
 
 MOST_STATES = 400
 """Most states that an export of a run takes."""
@@ -51,19 +57,16 @@ STL_SIZE, STL_THICKNESS, PATTERN_SIZE = 200.0, 1.0, 500.0
 
 
 def _obj(states: Sequence[StateRecord], title: str, run: str | None, options: Options) -> list[bytes]:
-    from ribbon_cli.export.meshes import obj_bytes
 
     return [obj_bytes(states[0], title)]
 
 
 def _ply(states: Sequence[StateRecord], title: str, run: str | None, options: Options) -> list[bytes]:
-    from ribbon_cli.export.meshes import ply_bytes
 
     return [ply_bytes(states[0], title)]
 
 
 def _solid(state: StateRecord, options: Options) -> Solid:
-    from ribbon_cli.export.solid import printed
 
     size = STL_SIZE if options.size is None else options.size
     thickness = STL_THICKNESS if options.thickness is None else options.thickness
@@ -71,39 +74,31 @@ def _solid(state: StateRecord, options: Options) -> Solid:
 
 
 def _stl(states: Sequence[StateRecord], title: str, run: str | None, options: Options) -> list[bytes]:
-    from ribbon_cli.export.meshes import stl_bytes
 
     return [stl_bytes(states[0], title, _solid(states[0], options))]
 
 
 def _stl_remarks(state: StateRecord, options: Options) -> tuple[dict[str, float], list[str]]:
-    from ribbon_cli.export.solid import remarks
 
     return remarks(state, _solid(state, options))
 
 
 def _vtkhdf(states: Sequence[StateRecord], title: str, run: str | None, options: Options) -> list[bytes]:
-    from ribbon_cli.export.vtkhdf import vtkhdf_bytes
 
     return [vtkhdf_bytes(states, title)]
 
 
 def _csv(states: Sequence[StateRecord], title: str, run: str | None, options: Options) -> list[bytes]:
-    from ribbon_cli.export.text import csv_bytes
 
     return [csv_bytes(states[0], run)]
 
 
 def _json(states: Sequence[StateRecord], title: str, run: str | None, options: Options) -> list[bytes]:
-    from ribbon_cli.export.text import json_bytes
 
     return [json_bytes(states[0], run)]
 
 
 def _svg(states: Sequence[StateRecord], title: str, run: str | None, options: Options) -> list[bytes]:
-    from ribbon_cli.export.pattern import fold_pattern
-    from ribbon_cli.export.sheet import pages
-    from ribbon_cli.export.svg import pattern_svg
 
     pattern = fold_pattern(states[0], PATTERN_SIZE if options.size is None else options.size)
     found = pages(pattern, options.paper)[2]
@@ -111,27 +106,22 @@ def _svg(states: Sequence[StateRecord], title: str, run: str | None, options: Op
 
 
 def _pdf(states: Sequence[StateRecord], title: str, run: str | None, options: Options) -> list[bytes]:
-    from ribbon_cli.export.pattern import fold_pattern
-    from ribbon_cli.export.svg import pattern_pdf
 
     pattern = fold_pattern(states[0], PATTERN_SIZE if options.size is None else options.size)
     return [pattern_pdf(pattern, title, options.paper or "A4")]
 
 
 def _html(states: Sequence[StateRecord], title: str, run: str | None, options: Options) -> list[bytes]:
-    from ribbon_cli.export.viewer import viewer_html
 
     return [viewer_html(states, title, run)]
 
 
 def _fold(states: Sequence[StateRecord], title: str, run: str | None, options: Options) -> list[bytes]:
-    from ribbon_cli.export.fold import fold_bytes
 
     return [fold_bytes(states[0], title, run)]
 
 
 def _glb(states: Sequence[StateRecord], title: str, run: str | None, options: Options) -> list[bytes]:
-    from ribbon_cli.export.gltf import glb_bytes
 
     return [glb_bytes(states[0], title, run)]
 
@@ -167,8 +157,8 @@ def states_of_run(name: str, run: Run, options: Options) -> tuple[tuple[StateRec
     """
     found = branch(run, options.segments)
     if not FORMATS[name].series:
-        example = f"{typed(run)}:{found[-1]['label']}"
+        example = f"{typed(run)}:{found[-1].label}"
         raise UsageError(f"{name} takes one state: name one of {run.name}, for instance {example}")
     if len(found) > MOST_STATES:
         raise UsageError(f"{run.name} has {len(found)} widths, and {name} takes at most {MOST_STATES}")
-    return tuple(run.load(state["label"]) for state in found), left_out(run, found)
+    return tuple(run.load(state.label) for state in found), left_out(run, found)

@@ -8,9 +8,10 @@ glTF has single precision alone, and no not-a-number.
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ribbon_cli.export.mesh import (
     FACET_FIELDS,
@@ -21,14 +22,9 @@ from ribbon_cli.export.mesh import (
     node_values,
     strip,
 )
-from ribbon_cli.store import summary
+from ribbon_cli.store import StateRecord, Summary
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from ribbon_cli.store import StateRecord
-
-    Array = NDArray[np.float64]
+Array = NDArray[np.float64]
 
 MAGIC, VERSION, JSON_CHUNK, BINARY_CHUNK = b"glTF", 2, b"JSON", b"BIN\0"
 FLOAT, UNSIGNED_INT = 5126, 5125
@@ -64,7 +60,7 @@ def glb_bytes(record: StateRecord, title: str, run: str | None) -> bytes:
         "asset": {
             "version": "2.0",
             "generator": "ribbon",
-            "extras": {"title": title, "state": summary(record, run)},
+            "extras": {"title": title, "state": Summary.of(record).listed(run)},
         },
         "scene": 0,
         "scenes": [{"nodes": [0]}],

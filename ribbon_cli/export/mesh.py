@@ -7,19 +7,15 @@ the edge d_i + b g_i, so that x(alpha, s) = d(alpha) + s g(alpha), |s| <= b, Kol
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ribbon_cli.errors import UsageError
+from ribbon_cli.store import StateRecord
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from ribbon_cli.store import StateRecord
-
-    Array = NDArray[np.float64]
-    Indices = NDArray[np.int64]
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
 
 CLOSED = 1e-6
 """Largest gap at the seam, in units of the length, of a band that counts as closed."""

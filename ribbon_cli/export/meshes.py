@@ -3,20 +3,15 @@
 from __future__ import annotations
 
 import io
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ribbon_cli.export.mesh import FACET_FIELDS, NODE_FIELDS, node_values, surface
-from ribbon_cli.store import content_sha256
+from ribbon_cli.export.solid import Solid
+from ribbon_cli.store import StateRecord, content_sha256
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from ribbon_cli.export.solid import Solid
-    from ribbon_cli.store import StateRecord
-
-    Array = NDArray[np.float64]
+Array = NDArray[np.float64]
 
 
 def obj_bytes(record: StateRecord, title: str) -> bytes:

@@ -7,18 +7,14 @@ colour each, and nothing is drawn that a window would have to hide.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 from ribbon_cli.errors import UsageError
+from ribbon_cli.export.pattern import Pattern
 from ribbon_cli.text import visible
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from ribbon_cli.export.pattern import Pattern
-
-    Point = tuple[float, float]
+Point = tuple[float, float]
 
 PAPERS = {"A4": (297.0, 210.0), "Letter": (279.4, 215.9)}
 """Sheets lying on their long side, in millimetres."""

@@ -8,24 +8,19 @@ of the facets before and after them meet: the crotch of the fan is filled.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ribbon_cli.errors import UsageError
-from ribbon_cli.export.mesh import facet_normals, strip
+from ribbon_cli.export.crossings import crossing_pairs
+from ribbon_cli.export.mesh import Strip, facet_normals, strip
+from ribbon_cli.store import StateRecord
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from numpy.typing import NDArray
-
-    from ribbon_cli.export.mesh import Strip
-    from ribbon_cli.store import StateRecord
-
-    Array = NDArray[np.float64]
-    Indices = NDArray[np.int64]
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
 
 SHORTEST = 0.01
 """Least length of an offset edge, relative to the thickness and to the distance of two rulings."""
@@ -131,8 +126,6 @@ def remarks(record: StateRecord, body: Solid) -> tuple[dict[str, float], list[st
     `joined_corners`, `wall_min`, `wall_max` (mm) and `crossing_triangles`, the number of pairs of triangles
     that pass through each other.
     """
-    from ribbon_cli.export.crossings import crossing_pairs
-
     crossing = len(crossing_pairs(body.points, body.triangles))
     facts = {
         "joined_corners": body.joined,

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import io
-from typing import TYPE_CHECKING
+from xml.sax.saxutils import escape
 
-from ribbon_cli.export.sheet import COLOURS, DASHES, pages, sheet
+import matplotlib
+from matplotlib import style
+from matplotlib.backends.backend_pdf import PdfPages
+from matplotlib.figure import Figure
+
+from ribbon_cli.export.pattern import Pattern
+from ribbon_cli.export.sheet import COLOURS, DASHES, Line, Sheet, pages, sheet
 from ribbon_cli.text import visible
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from ribbon_cli.export.pattern import Pattern
-    from ribbon_cli.export.sheet import Line, Sheet
 
 POINT = 72 / 25.4
 """Points in a millimetre."""
@@ -25,8 +25,6 @@ def pattern_svg(pattern: Pattern, title: str, paper: str | None = None, number: 
     fold of no angle), `glue` or `text`. A fold has `data-node` (2..N) and `data-angle` in degrees, positive
     for a mountain; the end rulings have `data-end`. y runs downwards, as in any SVG.
     """
-    from xml.sax.saxutils import escape
-
     drawn = sheet(pattern, title, paper, number)
     out = io.StringIO()
     out.write(
@@ -75,11 +73,6 @@ def _number(value: float) -> str:
 
 def pattern_pdf(pattern: Pattern, title: str, paper: str | None = "A4") -> bytes:
     """The pattern as a PDF at true scale, one page a sheet. Raises UsageError as `pages` does."""
-    import matplotlib
-    from matplotlib import style
-    from matplotlib.backends.backend_pdf import PdfPages
-    from matplotlib.figure import Figure
-
     buffer = io.BytesIO()
     metadata = {"Title": visible(title), "CreationDate": None, "ModDate": None}
     with matplotlib.rc_context():

@@ -5,17 +5,14 @@ from __future__ import annotations
 import csv
 import io
 import json
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ribbon_cli.export.mesh import FACET_FIELDS, NODE_FIELDS, field_values
-from ribbon_cli.store import content_sha256, summary
+from ribbon_cli.store import StateRecord, Summary, content_sha256
 from ribbon_cli.store.log import to_json
 from ribbon_cli.text import visible
-
-if TYPE_CHECKING:
-    from ribbon_cli.store import StateRecord
 
 _ARRAYS = ("u", "g", "xi", "g_end", "midline", "kappa_s", "tau", "eta", "eta_prime")
 _MULTIPLIERS = ("lambda_1", "lambda_2", "lambda_3", "lambda_4", "lambda_5", "gamma")
@@ -62,7 +59,7 @@ def csv_bytes(record: StateRecord, run: str | None) -> bytes:
 
 def json_bytes(record: StateRecord, run: str | None) -> bytes:
     """What `ribbon show --json` says of a state, with its arrays under `arrays` and its `spectra`."""
-    document = summary(record, run)
+    document = Summary.of(record).listed(run)
     document["arrays"] = {name: getattr(record, name).tolist() for name in (*_ARRAYS, *_MULTIPLIERS)}
     document["spectra"] = {
         spectrum.metric: {

@@ -10,25 +10,22 @@ import base64
 import json
 import re
 from collections.abc import Sequence
+from html import escape
 from importlib import resources
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ribbon_cli.export.align import turned_alike
 from ribbon_cli.export.fields import even_window, field
 from ribbon_cli.export.mesh import FACET_FIELDS, ODD_FIELDS, facet_corners, strip
 from ribbon_cli.export.view import automatic_view
 from ribbon_cli.export.words import verdict
-from ribbon_cli.store import content_sha256
+from ribbon_cli.store import StateRecord, content_sha256
 from ribbon_cli.text import visible
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from ribbon_cli.store import StateRecord
-
-    Array = NDArray[np.float64]
+Array = NDArray[np.float64]
 
 FIELDS = ("kappa_s", "tau", "eta", "eta_prime", "lambda_1", "lambda_2", "lambda_3", "lambda_4", "lambda_5")
 """Fields that the page can colour a surface by."""
@@ -36,8 +33,6 @@ FIELDS = ("kappa_s", "tau", "eta", "eta_prime", "lambda_1", "lambda_2", "lambda_
 
 def viewer_html(records: Sequence[StateRecord], title: str, run: str | None) -> bytes:
     """The page for states in the order of its slider."""
-    from html import escape
-
     placed = turned_alike([facet_corners(record) for record in records])
     document = {
         "title": title,

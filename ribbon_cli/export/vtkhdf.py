@@ -8,16 +8,13 @@ from __future__ import annotations
 
 import io
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import h5py
 import numpy as np
 
 from ribbon_cli.export.mesh import FACET_FIELDS, NODE_FIELDS, facet_normals, node_values, surface
-
-if TYPE_CHECKING:
-    import h5py
-
-    from ribbon_cli.store import StateRecord
+from ribbon_cli.store import StateRecord
 
 QUAD = 9
 """VTK's number for a quadrilateral."""
@@ -30,8 +27,6 @@ def vtkhdf_bytes(records: Sequence[StateRecord], title: str) -> bytes:
     Points have the fields at nodes and `across` (-1 and +1 at the two edges), cells those at facets, the unit
     normal and the facet's number. The same states give the same bytes.
     """
-    import h5py
-
     buffer = io.BytesIO()
     with h5py.File(buffer, "w", libver=("earliest", "v110")) as file:
         root = file.create_group("VTKHDF")

@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from ribbon_cli.store import StateRecord
-
+from ribbon_cli.store import StateRecord
 
 MEETS_ITSELF = "touches or passes through itself (no contact forces)"
 """Of a state whose facets meet: which of the two it does is not stored, and nothing holds facets apart."""

@@ -102,7 +102,10 @@ def theoretical_multipliers(state: State, gamma: Array | None = None) -> Multipl
         across = -slope_at_facets(moment, sigma, h) - four_facet * shape.eta_prime
         upwards = slope_at_facets(three, sigma, h) + 2.0 * turn - at_facets(moment * kappa * eta, sigma)
         gamma = _closure_force(
-            state, across, upwards, distance_to(band, inflections(band, kappa), facets(band))
+            state,
+            across,
+            upwards,
+            distance_to(band, inflections(kappa, band.length, band.sigma), facets(band)),
         )
     pull = at_facets(moment * kappa, 1) + slope_at_facets(three * eta, 1, h)
     one = 0.5 * (pull + 2.0 * turn * slant - b * five_facet * shape.eta_prime - state.u @ gamma)
@@ -128,7 +131,7 @@ def multiplier_curves(state: State, multipliers: Multipliers) -> tuple[Multiplie
     """lambda_1..lambda_5 of an equilibrium beside their formulas, for plots and for orders."""
     band = state.band
     computed, theory = fields_of(state, multipliers), theoretical_multipliers(state)
-    turns = inflections(band, geometry(state).kappa_s)
+    turns = inflections(geometry(state).kappa_s, band.length, band.sigma)
     curves = []
     for k in range(1, 6):
         name = f"lambda_{k}"

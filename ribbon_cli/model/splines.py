@@ -3,8 +3,18 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy
 
 from .band import Array, Band
+
+
+def seam_spline(values: Array, knots: Array, sign: int) -> scipy.interpolate.CubicSpline:
+    """Periodic cubic spline through values (N, ...) that pass the seam with the factor `sign`.
+
+    With -1 the field has twice the band's length as its period. `knots`, (N+1,) or (2N+1,), span one period.
+    """
+    whole = values if sign > 0 else np.concatenate((values, -values))
+    return scipy.interpolate.CubicSpline(knots, np.concatenate((whole, whole[:1])), bc_type="periodic")
 
 
 class BandSpline:
@@ -15,11 +25,9 @@ class BandSpline:
     """
 
     def __init__(self, band: Band, values: Array, offset: float, sign: int) -> None:
-        from scipy.interpolate import CubicSpline  # here: loading it takes longer than most commands
-
-        whole = values if sign > 0 else np.concatenate((values, -values))
-        knots = band.h * (np.arange(len(whole) + 1) + offset)
-        self._spline = CubicSpline(knots, np.concatenate((whole, whole[:1])), bc_type="periodic")
+        count = len(values) if sign > 0 else 2 * len(values)
+        knots = band.h * (np.arange(count + 1, dtype=np.float64) + offset)
+        self._spline = seam_spline(values, knots, sign)
         self._start = knots[0]
         self._period = knots[-1] - knots[0]
 

@@ -61,21 +61,22 @@ FLAT = 1e-6
 """Curvature, relative to the ring's 2 pi / l, below which a sign is rounding."""
 
 
-def inflections(band: Band, kappa_s: Array) -> Array:
+def inflections(kappa_s: Array, length: float, sigma: int) -> Array:
     """Arclengths (k,) in [0, l), ascending, where the signed curvature kappa_s (N,) at nodes changes sign.
 
-    They are found by linear interpolation between nodes. Nodes flatter than FLAT have no sign of their own:
-    an inflection lies among them if the signs on their two sides differ.
+    They are found by linear interpolation between nodes. On a one-sided band, sigma = -1, kappa_s of node 1
+    as seen from facet N has the opposite sign. Nodes flatter than FLAT have no sign of their own: an
+    inflection lies among them if the signs on their two sides differ.
     """
-    at = np.flatnonzero(np.abs(kappa_s) > FLAT * 2.0 * np.pi / band.length)
+    at = np.flatnonzero(np.abs(kappa_s) > FLAT * 2.0 * np.pi / length)
     if at.size < 2:
         return np.empty(0)
     value = kappa_s[at]
-    following = ahead(value, band.sigma)
-    gap = np.append(at[1:], at[0] + band.segments) - at
+    following = ahead(value, sigma)
+    gap = np.append(at[1:], at[0] + kappa_s.size) - at
     turns = value * following < 0
     share = value[turns] / (value[turns] - following[turns])
-    place: Array = np.sort(band.h * (at[turns] + gap[turns] * share) % band.length)
+    place: Array = np.sort(length / kappa_s.size * (at[turns] + gap[turns] * share) % length)
     return place
 
 

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from .band import Array
@@ -204,11 +205,10 @@ def _signed_crossings(u: Array, p: Array, h: float, z: Array, basis: Array) -> i
 
 def _near_pairs(q: Array, e: Array) -> tuple[IntArray, IntArray]:
     """Pairs i < j of plane segments q + [0, 1] e (N, 2) that can meet, neighbours on the curve left out."""
-    from scipy.spatial import cKDTree  # here, because loading it takes longer than most commands
 
     # Two segments that meet have their middles no farther apart than half the sum of their lengths.
     reach = float(_length(e).max()) * (1 + CROSSING_TOLERANCE)
-    pairs: IntArray = cKDTree(q + e / 2).query_pairs(reach, output_type="ndarray")
+    pairs: IntArray = scipy.spatial.cKDTree(q + e / 2).query_pairs(reach, output_type="ndarray")
     step = np.abs(pairs[:, 1] - pairs[:, 0])
     pairs = pairs[(step > 1) & (step < len(q) - 1)]
     return pairs[:, 0], pairs[:, 1]

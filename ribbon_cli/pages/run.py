@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
-
 from ribbon_cli import digits
+from ribbon_cli.analysis import multiplier_curves, run_table
 from ribbon_cli.errors import UsageError
 from ribbon_cli.export.series import branch, courses, finest, latest
 from ribbon_cli.export.words import MEETS_ITSELF
@@ -13,10 +12,7 @@ from ribbon_cli.plot.figure import image, state_caption
 from ribbon_cli.plot.kinds import Source, draw
 from ribbon_cli.plot.style import Style
 from ribbon_cli.report.tables import RENDERERS
-from ribbon_cli.study import multiplier_curves, run_table
-
-if TYPE_CHECKING:
-    from ribbon_cli.store import Run, StateRecord
+from ribbon_cli.store import Run, StateRecord, Summary
 
 SCREEN = Style("screen", 6.3, 8.0, 1.0, 0.35, 3.0, 130)
 """The look of `paper` with dots enough for a screen."""
@@ -27,7 +23,7 @@ _PROVENANCE = ("argv", "started", "hostname", "platform", "git_revision", "git_d
 def run_page(run: Run) -> bytes:
     """The page of a run, from what is stored. Raises UsageError for a run without equilibria, StoreError."""
     shown = finest(run)
-    records = [run.load(state["label"]) for state in shown]
+    records = [run.load(state.label) for state in shown]
     body = [heading(1, f"Run {run.short_name}"), *_summary(run, records)]
     body += [heading(2, "Equilibria"), _states(latest(run.states()))]
     body += [heading(2, "Shapes"), *_shapes(run, records)]
@@ -43,21 +39,21 @@ def run_page(run: Run) -> bytes:
 def _summary(run: Run, records: list[StateRecord]) -> list[str]:
     """What the run is and whether it can be relied on, in a few sentences."""
     states, every = run.states(), run.states(all=True)
-    certified = sum(state["certified"] for state in states)
+    certified = sum(state.certified for state in states)
     kinds: dict[str, int] = {}
     for state in every:
-        kinds[state["kind"]] = kinds.get(state["kind"], 0) + 1
+        kinds[state.kind] = kinds.get(state.kind, 0) + 1
     counts = ", ".join(f"{count} {kind}" for kind, count in kinds.items())
-    touching = [state["half_width"] for state in states if state["self_contact"]]
+    touching = [state.half_width for state in states if state.self_contact]
     contact = "No self-contact."
     if touching:
         contact = (
             f"Self-contact at {len(touching)} of the equilibria, the narrowest b = {min(touching):.10g}: "
             f"there the band {MEETS_ITSELF}, whatever its certificate."
         )
-    worst = max((r for state in states if (r := state["kkt_residual"]) is not None), default=float("nan"))
+    worst = max((r for state in states if (r := state.kkt_residual) is not None), default=float("nan"))
     linking = sorted(
-        {round(state["linking_number"], 6) + 0.0 for state in states if state["linking_number"] is not None}
+        {round(state.linking_number, 6) + 0.0 for state in states if state.linking_number is not None}
     )
     again = len(states) - len(latest(states))
     rest = f" (of {again} another at the same half-width and N is listed)" if again else ""
@@ -74,7 +70,7 @@ def _summary(run: Run, records: list[StateRecord]) -> list[str]:
     ]
 
 
-def _states(states: list[dict[str, Any]]) -> str:
+def _states(states: list[Summary]) -> str:
     """The equilibria with their certificates."""
     head = (
         "b",
@@ -92,21 +88,21 @@ def _states(states: list[dict[str, Any]]) -> str:
     )
     rows: list[list[Cell]] = []
     for state in states:
-        negative = state["negative_eigenvalues"]
+        negative = state.negative_eigenvalues
         rows.append(
             [
-                (f"{state['half_width']:.10g}", "n"),
-                (str(state["segments"]), "n"),
-                (str(state["label"]), "n"),
-                (_energy(state["energy"]), "n"),
-                state["status"],
-                ("yes", "yes") if state["certified"] else ("no", "no"),
-                ("yes", "no") if state["self_contact"] else "no",
+                (f"{state.half_width:.10g}", "n"),
+                (str(state.segments), "n"),
+                (str(state.label), "n"),
+                (_energy(state.energy), "n"),
+                state.status,
+                ("yes", "yes") if state.certified else ("no", "no"),
+                ("yes", "no") if state.self_contact else "no",
                 ("?" if negative is None else str(negative), "n"),
-                (_number(state["kkt_residual"], ".1e"), "n"),
-                (_number(state["constraint_residual"], ".1e"), "n"),
-                (_linking_number(state["linking_number"]), "n"),
-                (_number(state["clearance"], ".3g"), "n"),
+                (_number(state.kkt_residual, ".1e"), "n"),
+                (_number(state.constraint_residual, ".1e"), "n"),
+                (_linking_number(state.linking_number), "n"),
+                (_number(state.clearance, ".3g"), "n"),
             ]
         )
     return table(head, rows)
@@ -137,7 +133,7 @@ def _pictures(run: Run) -> list[str]:
 
 def _convergence(run: Run) -> list[str]:
     """The table, and its picture where there are two levels."""
-    out = [preformatted(RENDERERS["text"](run_table(run), ()))]
+    out = [preformatted(RENDERERS["text"](run_table(run)))]
     try:
         out.append(_picture(run, "convergence", ()))
     except UsageError:

@@ -1,1 +1,5 @@
 """Pictures of stored states and runs in one style. Reads stored states, never solves."""
+
+from ribbon_cli.doors import door
+
+__getattr__, __dir__ = door(__name__, __file__)

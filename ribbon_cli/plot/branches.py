@@ -5,20 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import groupby, pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
 
+from ribbon_cli.plot.canvas import Figure
 from ribbon_cli.plot.labels import legend_above, plain
 from ribbon_cli.plot.panels import panels
 from ribbon_cli.plot.style import INK, LIGHT_GREY, PALETTE, Style, branch_look, spread
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-    from matplotlib.lines import Line2D
-
-Point = Mapping[str, Any]
+from ribbon_cli.store import Summary
 
 LINES: dict[int | None, tuple[str, Any]] = {
     0: ("stable", "-"),
@@ -41,7 +38,7 @@ TITLES = ("$E / E_{ring}$", "lowest eigenvalue", "clearance")
 
 
 def arclength_figure(
-    courses: Mapping[str, Sequence[Point]], starts: Mapping[int, float | None], style: Style
+    courses: Mapping[str, Sequence[Summary]], starts: Mapping[int, float | None], style: Style
 ) -> Figure:
     """Energy, lowest eigenvalue and clearance over the half-width along branches.
 
@@ -52,11 +49,11 @@ def arclength_figure(
     figure, places = panels(style, 3, 3, ROW_SHARE)
     used: set[int | None] = set()
     for k, points in enumerate(courses.values()):
-        b = np.array([p["half_width"] for p in points])
-        energy = np.array([p["energy"] for p in points], dtype=float)
-        ring = 2 * np.pi**2 * b / points[0]["length"]
+        b = np.array([p.half_width for p in points])
+        energy = np.array([p.energy for p in points], dtype=float)
+        ring = 2 * np.pi**2 * b / points[0].length
         lowest = np.array([_eigenvalue(p, starts) for p in points])
-        clearance = np.array([p["clearance"] for p in points], dtype=float)
+        clearance = np.array([p.clearance for p in points], dtype=float)
         look = branch_look(k) if len(courses) > 1 else {"color": PALETTE[0]}
         for axes, values in zip(places, (energy / ring, lowest, clearance), strict=True):
             used |= draw_course(axes, points, b, values, look["color"], style)
@@ -90,37 +87,35 @@ def _tame(axes: Axes) -> None:
     axes.minorticks_off()
 
 
-def _eigenvalue(point: Point, starts: Mapping[int, float | None]) -> float:
+def _eigenvalue(point: Summary, starts: Mapping[int, float | None]) -> float:
     """The lowest eigenvalue at a point, not-a-number where it is unknown.
 
     Where the index changes between 0 and 1, the lowest is the one that vanishes.
     """
-    branch = point.get("branch")
-    if branch and {branch["index_before"], branch["index_after"]} == {0, 1}:
+    branch = point.branch
+    if branch and {branch.index_before, branch.index_after} == {0, 1}:
         return 0.0
-    value = branch["lowest_eigenvalue"] if branch else starts.get(point["label"])
+    value = branch.lowest_eigenvalue if branch else starts.get(point.label)
     return float("nan") if value is None else float(value)
 
 
-def _stretches(points: Sequence[Point]) -> list[int | None]:
+def _stretches(points: Sequence[Summary]) -> list[int | None]:
     """Number of negative eigenvalues between each point and the next, 2 for more; None: unknown."""
     found: list[int | None] = []
     for k, (one, other) in enumerate(pairwise(points)):
-        ends = [_index(other, "index_before")]
+        ends = [_index(other, other.branch.index_before if other.branch else None)]
         # A branch that begins at a point of another has that one's index nowhere.
-        if k or not one.get("branch"):
-            ends.append(_index(one, "index_after"))
+        if k or one.branch is None:
+            ends.append(_index(one, one.branch.index_after if one.branch else None))
         known = {index for index in ends if index is not None}
         found.append(min(known.pop(), 2) if len(known) == 1 else None)
     return found
 
 
-def _index(point: Point, side: str) -> int | None:
-    """Negative eigenvalues at a point, or on one side of it where they change."""
-    branch = point.get("branch")
-    known = branch[side] if branch and branch["type"] in ("fold", "branch-point") else None
-    index: int | None = point["negative_eigenvalues"] if known is None else known
-    return index
+def _index(point: Summary, side: int | None) -> int | None:
+    """Negative eigenvalues at a point, or on the given side of it where they change."""
+    turns = point.branch is not None and point.branch.type in ("fold", "branch-point")
+    return side if turns and side is not None else point.negative_eigenvalues
 
 
 def _runs(stretches: Sequence[int | None]) -> Iterator[tuple[int | None, int, int]]:
@@ -133,7 +128,7 @@ def _runs(stretches: Sequence[int | None]) -> Iterator[tuple[int | None, int, in
 
 
 def draw_course(
-    axes: Axes, points: Sequence[Point], b: np.ndarray, values: np.ndarray, colour: str, style: Style
+    axes: Axes, points: Sequence[Summary], b: np.ndarray, values: np.ndarray, colour: str, style: Style
 ) -> set[int | None]:
     """Draw a branch as lines, dashed by index; the indices that it has."""
     stretches = _stretches(points)
@@ -146,18 +141,18 @@ def draw_course(
 
 
 def mark_points(
-    axes: Axes, points: Sequence[Point], b: np.ndarray, values: np.ndarray, colour: str, style: Style
+    axes: Axes, points: Sequence[Summary], b: np.ndarray, values: np.ndarray, colour: str, style: Style
 ) -> None:
     """Marks at points that are more than steps."""
     for k, point in enumerate(points):
-        branch = point.get("branch")
-        if branch is None or branch["type"] not in MARKS or (k == 0 and len(points) > 1):
+        branch = point.branch
+        if branch is None or branch.type not in MARKS or (k == 0 and len(points) > 1):
             continue
         axes.plot(
             b[k],
             values[k],
             linestyle="",
-            marker=MARKS[branch["type"]][1],
+            marker=MARKS[branch.type][1],
             markersize=1.5 * style.marker,
             markerfacecolor="white",
             markeredgecolor=colour,
@@ -165,10 +160,8 @@ def mark_points(
         )
 
 
-def _names(courses: Mapping[str, Sequence[Point]], style: Style) -> list[Line2D]:
+def _names(courses: Mapping[str, Sequence[Summary]], style: Style) -> list[Line2D]:
     """A legend's lines for branches, numbered where there are several."""
-    from matplotlib.lines import Line2D
-
     if len(courses) == 1:
         return [Line2D([], [], color=PALETTE[0], label=name, linewidth=2 * style.line) for name in courses]
     return [
@@ -176,11 +169,9 @@ def _names(courses: Mapping[str, Sequence[Point]], style: Style) -> list[Line2D]
     ]
 
 
-def meanings(used: set[int | None], points: Sequence[Point]) -> list[Line2D]:
+def meanings(used: set[int | None], points: Sequence[Summary]) -> list[Line2D]:
     """A legend's lines for what dashes and open marks mean; of these only what is there."""
-    from matplotlib.lines import Line2D
-
-    types = {p["branch"]["type"] for p in points if p.get("branch")}
+    types = {p.branch.type for p in points if p.branch}
     lines = [
         Line2D([], [], color=INK, linestyle=dashes, label=name)
         for index, (name, dashes) in LINES.items()

@@ -4,25 +4,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
+import matplotlib
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+from numpy.typing import NDArray
 
 from ribbon_cli.digits import powers, significant
 from ribbon_cli.export.fields import even_window, field, placed
 from ribbon_cli.export.mesh import check_shape
+from ribbon_cli.plot.canvas import Figure
 from ribbon_cli.plot.labels import curve_labels, legend_above
 from ribbon_cli.plot.panels import panels
 from ribbon_cli.plot.style import INK, LIGHT_GREY, Style, line_look, shade
+from ribbon_cli.store import StateRecord
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-    from numpy.typing import NDArray
-
-    from ribbon_cli.store import StateRecord
-
-    Array = NDArray[np.float64]
+Array = NDArray[np.float64]
 
 GEOMETRY = {"kappa_s": r"$\kappa_s$", "tau": r"$\tau$", "eta": r"$\eta$", "eta_prime": r"$\eta'$"}
 DWARFED = 20.0
@@ -75,8 +74,6 @@ def draw_field(
 
 def plain_size() -> float:
     """Size of ordinary text in points."""
-    import matplotlib
-
     return float(matplotlib.rcParams["font.size"])
 
 
@@ -176,8 +173,6 @@ def _tame(axes: Axes) -> None:
 
 def _forces(axes: Axes, records: Sequence[StateRecord]) -> None:
     """The closure forces, each beside its state's line, under the title of a panel."""
-    from matplotlib.lines import Line2D
-
     axes.axis("off")
     axes.set_title(r"$|\gamma|$", loc="left", fontsize=plain_size() * 1.15)
     lines = [

@@ -5,20 +5,18 @@ from __future__ import annotations
 import io
 import logging
 import math
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ribbon_cli.digits import significant
 from ribbon_cli.errors import UsageError
 from ribbon_cli.export.words import verdict
+from ribbon_cli.plot.canvas import Figure
 from ribbon_cli.plot.style import GREY, STYLES, Style, styled
+from ribbon_cli.store import StateRecord, content_sha256
 from ribbon_cli.store.refs import suggest
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from ribbon_cli.store import StateRecord
 
 FORMATS = ("pdf", "svg", "png")
 ANIMATED = "gif"
@@ -64,8 +62,6 @@ def state_caption(records: Sequence[StateRecord], run: str | None, names: Sequen
 
     `names` are their references where they are of several runs.
     """
-    from ribbon_cli.store import content_sha256
-
     if len(records) > 1:
         labels = ", ".join(names or [str(record.label) for record in records])
         auxiliary = sum(record.kind == "auxiliary" for record in records)
@@ -133,8 +129,6 @@ def add_title(figure: Figure, title: str, style: Style) -> None:
 
 def _wrapped(figure: Figure, text: str, size: float) -> list[str]:
     """A text in lines as long as a figure is wide, in letters of this size in points."""
-    import textwrap
-
     # A letter of this font is about 0.53 of its size wide.
     return textwrap.wrap(text, max(20, int(figure.get_figwidth() * 72 / (0.55 * size))))
 

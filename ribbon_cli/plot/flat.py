@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from numpy.typing import NDArray
 
 from ribbon_cli.export.pattern import Pattern, fold_pattern
 from ribbon_cli.export.sheet import FLAT_DEGREES
+from ribbon_cli.plot.canvas import Figure
 from ribbon_cli.plot.labels import legend_above
 from ribbon_cli.plot.style import GREY, INK, PALETTE, Style
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-    from numpy.typing import NDArray
-
-    from ribbon_cli.store import StateRecord
+from ribbon_cli.store import StateRecord
 
 MOUNTAIN, VALLEY = PALETTE[1], PALETTE[0]
 FEW_FOLDS = 60
@@ -29,8 +25,6 @@ LETTER_ROOM = 0.02
 
 def pattern_figure(record: StateRecord, style: Style) -> Figure:
     """The flat strip with its folds; for true scale see `ribbon export --to svg` and `--to pdf`."""
-    from ribbon_cli.plot.canvas import Figure
-
     pattern = fold_pattern(record, 250.0)
     left, low, right, high = pattern.box
     height = style.width * (high - low) / (right - left)
@@ -43,8 +37,6 @@ def pattern_figure(record: StateRecord, style: Style) -> Figure:
 
 def draw_pattern(axes: Axes, pattern: Pattern, style: Style) -> None:
     """Draw outline, folds and tab, lines the darker the sharper the fold."""
-    from matplotlib.collections import LineCollection
-
     # The seam to the flap is a fold too, seen from the other side on a one-sided band.
     folds = np.concatenate((pattern.folds, pattern.last[None]))
     angles = np.append(pattern.angles, pattern.sigma * pattern.seam)

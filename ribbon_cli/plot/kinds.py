@@ -5,21 +5,30 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TypeVar
 
 from ribbon_cli.errors import UsageError
 from ribbon_cli.export.series import branch, courses, finest, latest, left_out, levels
+from ribbon_cli.plot.branches import arclength_figure
+from ribbon_cli.plot.canvas import Figure
+from ribbon_cli.plot.curves import Curve, geometry_figure, multipliers_figure
+from ribbon_cli.plot.figure import state_caption
+from ribbon_cli.plot.flat import pattern_figure
 from ribbon_cli.plot.labels import band_text, listed, panel_titles, run_texts, width_texts
+from ribbon_cli.plot.levels import (
+    branch_figure,
+    convergence_figure,
+    differences,
+    lowest_value,
+    spectrum_figure,
+)
+from ribbon_cli.plot.modes import ModeShape, mode_animation, mode_figure
+from ribbon_cli.plot.pictures import Panel, family_figure, letters_across, shape_figure, shapes_figure
+from ribbon_cli.plot.runs import MOST_RUNS, runs_figure
 from ribbon_cli.plot.style import MOST_LOOKS, Style, styled
+from ribbon_cli.report.convergence import Table
+from ribbon_cli.store import Run, StateRecord, Summary
 from ribbon_cli.store.refs import typed
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from ribbon_cli.plot.curves import Curve
-    from ribbon_cli.plot.modes import ModeShape
-    from ribbon_cli.report.convergence import Table
-    from ribbon_cli.store import Run, StateRecord
 
 T = TypeVar("T")
 
@@ -79,8 +88,6 @@ def animate(
     picture: Picture, source: Source, style: Style, caption: str | None, title: str | None = None
 ) -> bytes:
     """The picture of a mode as an animated GIF."""
-    from ribbon_cli.plot.modes import mode_animation
-
     assert picture.mode is not None
     with styled(style):
         return mode_animation(picture.states[0], picture.mode, style, caption, source.angles, title)
@@ -89,7 +96,7 @@ def animate(
 def _one(source: Source, kind: str) -> StateRecord:
     """The state that a picture of one state shows."""
     if source.run is not None and source.whole_run:
-        example = finest(source.run)[-1]["label"]
+        example = finest(source.run)[-1].label
         raise UsageError(
             f"{kind} shows one state: name one of {source.run.name}, "
             f"for instance {typed(source.run)}:{example}"
@@ -126,8 +133,8 @@ def _spread_out(run: Run, segments: int | None, most: int) -> tuple[tuple[StateR
     """At most so many widths of a run, and words for the title where that are not all of them."""
     found = branch(run, segments) if segments else finest(run)
     chosen = _thinned(found, most)
-    note = _without([s["half_width"] for s in found], [s["half_width"] for s in chosen])
-    return tuple(run.load(state["label"]) for state in chosen), note + left_out(run, chosen)
+    note = _without([s.half_width for s in found], [s.half_width for s in chosen])
+    return tuple(run.load(state.label) for state in chosen), note + left_out(run, chosen)
 
 
 def _thinned(items: Sequence[T], most: int) -> list[T]:
@@ -147,7 +154,6 @@ def _without(found: Sequence[float], chosen: Sequence[float]) -> str:
 
 
 def _shape(source: Source, style: Style) -> Picture:
-    from ribbon_cli.plot.pictures import Panel, letters_across, shape_figure, shapes_figure
 
     states = source.states
     if len(states) < 2:
@@ -159,7 +165,6 @@ def _shape(source: Source, style: Style) -> Picture:
 
 
 def _geometry(source: Source, style: Style) -> Picture:
-    from ribbon_cli.plot.curves import geometry_figure
 
     states, note = _several(source, "geometry")
     figure = geometry_figure(states, style, source.run_names)
@@ -167,7 +172,6 @@ def _geometry(source: Source, style: Style) -> Picture:
 
 
 def _multipliers(source: Source, style: Style) -> Picture:
-    from ribbon_cli.plot.curves import multipliers_figure
 
     states, note = _several(source, "multipliers")
     for record in states:
@@ -191,8 +195,6 @@ def _curves(source: Source, record: StateRecord) -> Sequence[Curve] | None:
 
 
 def _spectrum(source: Source, style: Style) -> Picture:
-    from ribbon_cli.plot.figure import state_caption
-    from ribbon_cli.plot.levels import spectrum_figure
 
     title = "Eigenvalues of the projected Hessian"
     if not source.whole_run:
@@ -210,8 +212,8 @@ def _refined(run: Run) -> tuple[StateRecord, ...]:
     """The levels of the half-width that has most of them with whole spectra, else with any."""
     branch(run)
     best: list[StateRecord] = []
-    for b in dict.fromkeys(state["half_width"] for state in latest(run.states())):
-        records = [run.load(state["label"]) for state in levels(run, b)]
+    for b in dict.fromkeys(state.half_width for state in latest(run.states())):
+        records = [run.load(state.label) for state in levels(run, b)]
         whole = [r for r in records if r.spectra and all(s.complete for s in r.spectra)]
         chosen = whole or [r for r in records if r.spectra]
         if len(chosen) > len(best):
@@ -222,7 +224,6 @@ def _refined(run: Run) -> tuple[StateRecord, ...]:
 
 
 def _convergence(source: Source, style: Style) -> Picture:
-    from ribbon_cli.plot.levels import convergence_figure, differences
 
     table = source.table(_run(source, "convergence"))
     found = list(differences(table))
@@ -233,7 +234,6 @@ def _convergence(source: Source, style: Style) -> Picture:
 
 
 def _branch(source: Source, style: Style) -> Picture:
-    from ribbon_cli.plot.levels import branch_figure, lowest_value
 
     run = _run(source, "branch")
     if source.beside:
@@ -243,15 +243,15 @@ def _branch(source: Source, style: Style) -> Picture:
     states = branch(run, source.segments)
     if len(states) < 2:
         raise UsageError(
-            f"{run.name} has one half-width only at N = {states[0]['segments']}: a branch needs two"
+            f"{run.name} has one half-width only at N = {states[0].segments}: a branch needs two"
         )
-    records = tuple(run.load(state["label"]) for state in states)
+    records = tuple(run.load(state.label) for state in states)
     # Where the run located the first contact, its states are not among the equilibria that someone named. It
     # lies elsewhere on every mesh.
     located = [
-        state["half_width"]
+        state.half_width
         for state in run.states(all=True)
-        if state["segments"] == states[0]["segments"] and "first-contact" in state["event_kinds"]
+        if state.segments == states[0].segments and "first-contact" in state.event_kinds
     ]
     contact = min(located, default=None)
     lowest = [lowest_value(r, "rotation", "sliding") for r in records]
@@ -259,16 +259,11 @@ def _branch(source: Source, style: Style) -> Picture:
     return Picture(figure, f"Branch in the width{left_out(run, states)}", records)
 
 
-def _followed(run: Run, followed: dict[str, list[dict[str, Any]]], style: Style) -> Picture:
+def _followed(run: Run, followed: dict[str, list[Summary]], style: Style) -> Picture:
     """Branches that arclength continuation followed, around folds and over saddles."""
-    from ribbon_cli.plot.branches import arclength_figure
-    from ribbon_cli.plot.levels import lowest_value
-
-    first = {points[0]["label"] for points in followed.values() if not points[0].get("branch")}
+    first = {points[0].label for points in followed.values() if points[0].branch is None}
     starts = {label: lowest_value(run.load(label), "rotation") for label in first}
-    every = {
-        p["label"]: p["branch"]["type"] for points in followed.values() for p in points if p.get("branch")
-    }
+    every = {p.label: p.branch.type for points in followed.values() for p in points if p.branch}
     types = list(every.values())
     shown = dict(list(followed.items())[:MOST_LOOKS])
     title = f"Branches in the width: {len(followed)}"
@@ -282,33 +277,30 @@ def _followed(run: Run, followed: dict[str, list[dict[str, Any]]], style: Style)
 
 def _runs(source: Source, style: Style) -> Picture:
     """Energies of several runs over the half-width."""
-    from ribbon_cli.plot.runs import MOST_RUNS, runs_figure
-
     runs = (_run(source, "branch"), *source.beside)
     if len({run.path.resolve() for run in runs}) < len(runs):
         raise UsageError("--with names a run that is there already")
     if len(runs) > MOST_RUNS:
         raise UsageError(f"branch tells {MOST_RUNS} runs apart, and {len(runs)} are named: leave some out")
-    shown: list[list[list[dict[str, Any]]]] = []
+    shown: list[list[list[Summary]]] = []
     words = []
     for run in runs:
         followed = list(courses(run, source.segments).values())
         states = branch(run, source.segments) if not followed else []
         shown.append(followed or [states])
-        every = {state["label"]: state for points in shown[-1] for state in points}.values()
-        certified = sum(bool(state["certified"]) for state in every)
-        meshes = ", ".join(str(n) for n in sorted({state["segments"] for state in every}))
+        every = {state.label: state for points in shown[-1] for state in points}.values()
+        certified = sum(state.certified for state in every)
+        meshes = ", ".join(str(n) for n in sorted({state.segments for state in every}))
         words.append(
             f"{run.name}, N = {meshes} ({certified} of {len(every)} certified{left_out(run, states)})"
         )
-    bands = [band_text(run.load(c[0][0]["label"]).half_twists) for run, c in zip(runs, shown, strict=True)]
+    bands = [band_text(run.load(c[0][0].label).half_twists) for run, c in zip(runs, shown, strict=True)]
     figure = runs_figure(run_texts(runs), bands, shown, style)
     title = f"Energies of {len(runs)} runs over the half-width"
     return Picture(figure, title, (), words="; ".join(words))
 
 
 def _family(source: Source, style: Style) -> Picture:
-    from ribbon_cli.plot.pictures import family_figure
 
     run = _run(source, "family")
     records, note = _spread_out(run, source.segments, MOST_SHAPES)
@@ -316,7 +308,6 @@ def _family(source: Source, style: Style) -> Picture:
 
 
 def _mode(source: Source, style: Style) -> Picture:
-    from ribbon_cli.plot.modes import mode_figure
 
     record = _one(source, "mode")
     assert source.mode is not None
@@ -325,7 +316,6 @@ def _mode(source: Source, style: Style) -> Picture:
 
 
 def _pattern(source: Source, style: Style) -> Picture:
-    from ribbon_cli.plot.flat import pattern_figure
 
     record = _one(source, "pattern")
     return Picture(pattern_figure(record, style), "Fold pattern", (record,))

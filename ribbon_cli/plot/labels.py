@@ -6,15 +6,14 @@ import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from textwrap import wrap
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import matplotlib
 
 from ribbon_cli.export.words import standing
+from ribbon_cli.plot.canvas import Figure
+from ribbon_cli.store import Run, StateRecord
 from ribbon_cli.text import visible
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from ribbon_cli.store import Run, StateRecord
 
 FEWEST_DIGITS, MOST_DIGITS = 4, 12
 """Digits of half-widths: as few as tell them apart."""
@@ -159,6 +158,4 @@ def legend_above(figure: Figure, handles: Sequence[Any], labels: Sequence[str], 
 
 def _legend_size() -> float:
     """Size of a legend's letters in points."""
-    import matplotlib
-
     return 0.9 * float(matplotlib.rcParams["font.size"])

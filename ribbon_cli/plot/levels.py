@@ -3,23 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable, Sequence
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 
 from ribbon_cli.digits import powers, significant
 from ribbon_cli.errors import UsageError
+from ribbon_cli.plot.canvas import Figure
 from ribbon_cli.plot.labels import LEGEND_LINE, band_text, curve_labels, legend_above, width_texts
 from ribbon_cli.plot.panels import panels
 from ribbon_cli.plot.style import GREY, LIGHT_GREY, PALETTE, Style, line_look, marked_look
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from ribbon_cli.report.convergence import Row, Table
-    from ribbon_cli.store import SpectrumRecord, StateRecord
+from ribbon_cli.report.convergence import Row, Table
+from ribbon_cli.store import SpectrumRecord, StateRecord, Summary
 
 NEGATIVE = "#B00020"
 FEW_MODES = 40
@@ -50,8 +47,6 @@ def spectrum_figure(
     the runs of a single group's states where they are of several. Raises UsageError where a group has no
     spectrum.
     """
-    from ribbon_cli.plot.canvas import Figure
-
     for records in groups:
         if not any(spectrum_of(record, m) for m in METRIC_TITLES for record in records):
             raise UsageError(
@@ -174,8 +169,6 @@ def convergence_figure(table: Table, style: Style) -> Figure:
     which a logarithmic scale has no place for, are told in the legend. Raises UsageError where no half-width
     has two levels.
     """
-    from ribbon_cli.plot.canvas import Figure
-
     groups = differences(table)
     if not groups:
         raise UsageError(
@@ -264,7 +257,7 @@ def _slope(axes: Axes, segments: Sequence[int], least: float) -> None:
 
 
 def branch_figure(
-    states: Sequence[Mapping[str, Any]],
+    states: Sequence[Summary],
     lowest: Sequence[float | None],
     style: Style,
     contact: float | None = None,
@@ -277,11 +270,11 @@ def branch_figure(
     drawn at `contact`, the half-width at which that was found to begin.
     """
     figure, places = panels(style, 3, 3, 0.4)
-    b = np.array([state["half_width"] for state in states])
-    length = states[0]["length"]
+    b = np.array([state.half_width for state in states])
+    length = states[0].length
     ring = 2 * np.pi**2 * b / length
-    energy = np.array([state["energy"] for state in states], dtype=float)
-    clearance = np.array([state["clearance"] for state in states], dtype=float)
+    energy = np.array([state.energy for state in states], dtype=float)
+    clearance = np.array([state.clearance for state in states], dtype=float)
     eigenvalues = np.array([np.nan if v is None else v for v in lowest])
     titles = ("$E / E_{ring}$", "lowest eigenvalue but sliding", "clearance")
     for axes, values, title in zip(places, (energy / ring, eigenvalues, clearance), titles, strict=True):
@@ -303,18 +296,16 @@ def branch_figure(
     return figure
 
 
-def _mark(
-    axes: Axes, states: Sequence[Mapping[str, Any]], b: np.ndarray, values: np.ndarray, style: Style
-) -> None:
+def _mark(axes: Axes, states: Sequence[Summary], b: np.ndarray, values: np.ndarray, style: Style) -> None:
     """Marks that say what each state is."""
     kinds: dict[str, tuple[list[bool], dict[str, Any]]] = {
-        "certified minimum": ([s["certified"] for s in states], {"marker": "o", "color": PALETTE[0]}),
+        "certified minimum": ([s.certified for s in states], {"marker": "o", "color": PALETTE[0]}),
         "no certificate": (
-            [not s["certified"] for s in states],
+            [not s.certified for s in states],
             {"marker": "o", "markerfacecolor": "white", "markeredgecolor": PALETTE[1], "zorder": 3},
         ),
         "self-contact": (
-            [bool(s["self_contact"]) for s in states],
+            [s.self_contact for s in states],
             {"marker": "x", "color": PALETTE[1], "markersize": 1.6 * style.marker, "zorder": 4},
         ),
     }

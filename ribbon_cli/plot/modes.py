@@ -9,23 +9,24 @@ from __future__ import annotations
 
 import io
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection
+from numpy.typing import NDArray
+from PIL import Image
 
 from ribbon_cli.export.mesh import facet_corners
 from ribbon_cli.export.view import chosen_view
+from ribbon_cli.plot.canvas import Figure
+from ribbon_cli.plot.figure import dressed
 from ribbon_cli.plot.shape import RULINGS, draw_shape, shown_sides
 from ribbon_cli.plot.style import LIGHT_GREY, Style
+from ribbon_cli.store import StateRecord
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-    from numpy.typing import NDArray
-
-    from ribbon_cli.store import StateRecord
-
-    Array = NDArray[np.float64]
+Array = NDArray[np.float64]
 
 LARGEST = 0.045
 """Farthest that a point of the surface moves in a picture, as a part of the length."""
@@ -95,8 +96,6 @@ def mode_figure(
 
     The shape at rest is in the middle.
     """
-    from ribbon_cli.plot.canvas import Figure
-
     frames = _Frames(record, mode, angles)
     phases = PHASES if style.fitting(5, FRAME) == 5 else {title: PHASES[title] for title in ("−1", "0", "1")}
     count = len(phases)
@@ -123,8 +122,6 @@ def mode_animation(
 
     The same mode gives the same bytes.
     """
-    from PIL import Image
-
     frames = _Frames(record, mode, angles)
     # One way only is drawn: the other shows the same frames.
     quarter = STEPS // 4
@@ -188,7 +185,6 @@ class _Frames:
         axes.set_ylim(self.low[1], self.high[1])
 
     def _ghost(self, axes: Axes, style: Style) -> None:
-        from matplotlib.collections import LineCollection
 
         edges = [*self.rest[:, 1:3], *self.rest[:, [3, 0]]]
         lines = LineCollection(edges, colors=LIGHT_GREY, linewidths=0.75 * style.line, zorder=0)
@@ -199,9 +195,6 @@ def _frame(
     frames: _Frames, phase: float, style: Style, caption: str | None, title: str | None = None
 ) -> Figure:
     """One frame of the animation with the caption below it and the title above."""
-    from ribbon_cli.plot.canvas import Figure
-    from ribbon_cli.plot.figure import dressed
-
     width = 0.7 * style.width
     height = width * min(1.2, frames.aspect) + 0.04 * style.width
     figure = Figure(figsize=(width, height), dpi=ANIMATION_WIDTH / width, layout="constrained")
@@ -211,8 +204,6 @@ def _frame(
 
 def _pixels(figure: Figure) -> NDArray[np.uint8]:
     """The picture (height, width, 3) of a figure."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-
     canvas: Any = FigureCanvasAgg(figure)
     canvas.draw()
     return np.asarray(canvas.buffer_rgba())[..., :3].copy()

@@ -7,21 +7,18 @@ and whole: in the painter's order neighbours would cover half of a line's width.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from numpy.typing import NDArray
 
+from ribbon_cli.export.mesh import Strip
 from ribbon_cli.plot.painter import hidden
 from ribbon_cli.plot.style import INK, Style
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from numpy.typing import NDArray
-
-    from ribbon_cli.export.mesh import Strip
-
-    Array = NDArray[np.float64]
-    Flags = NDArray[np.bool_]
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 GREEN = "#00A651"
 """Colour of marked rulings."""
@@ -100,8 +97,6 @@ def _size(flat: Array) -> float:
 
 def _stroke(axes: Axes, lines: Sequence[Array], colour: str, width: float) -> None:
     """Add lines to a picture, above everything that is there."""
-    from matplotlib.collections import LineCollection
-
     if lines:
         axes.add_collection(
             LineCollection(

@@ -9,15 +9,12 @@ through each other make, the circle is cut at its farthest facet.
 from __future__ import annotations
 
 import heapq
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
-    Indices = NDArray[np.int64]
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
 
 TOUCHING = 1e-9
 """Depth, relative to the picture's size, below which two facets meet and neither is before the other."""

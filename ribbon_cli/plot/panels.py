@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from matplotlib.axes import Axes
 
+from ribbon_cli.plot.canvas import Figure
 from ribbon_cli.plot.style import PANEL, Style
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 
 def panels(
@@ -18,8 +15,6 @@ def panels(
 
     `share` is a row's height as a part of the width.
     """
-    from ribbon_cli.plot.canvas import Figure
-
     columns = style.fitting(wanted, letters)
     while count % columns:
         columns -= 1

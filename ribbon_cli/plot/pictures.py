@@ -5,34 +5,28 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
 
 from ribbon_cli.export.align import turn_between, turned_alike
 from ribbon_cli.export.mesh import facet_corners
 from ribbon_cli.export.view import View, chosen_view
 from ribbon_cli.export.words import standing
+from ribbon_cli.plot.canvas import Figure
 from ribbon_cli.plot.labels import width_texts
 from ribbon_cli.plot.shape import RULINGS, draw_shape, shown_sides
 from ribbon_cli.plot.style import GREY, Style
+from ribbon_cli.store import StateRecord
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-    from numpy.typing import NDArray
-
-    from ribbon_cli.store import StateRecord
-
-    Array = NDArray[np.float64]
+Array = NDArray[np.float64]
 
 
 def shape_figure(record: StateRecord, style: Style, angles: tuple[float, float] | None = None) -> Figure:
     """One shape with a bar for its scale; `angles` are azimuth and elevation in degrees, automatic if
     None.
     """
-    from ribbon_cli.plot.canvas import Figure
-
     corners = facet_corners(record)
     view = chosen_view(corners, angles)
     extent = np.ptp(view.project(corners)[..., :2], axis=(0, 1))
@@ -98,8 +92,6 @@ def shapes_figure(
     """Shapes in rows of up to five, fewer where these would be narrow, at one scale; `aligned` from one side,
     else each from its own best.
     """
-    from ribbon_cli.plot.canvas import Figure
-
     corners = [facet_corners(panel.record) for panel in panels]
     views = _common_views(corners, angles) if aligned else [chosen_view(item, angles) for item in corners]
     boxes = [np.ptp(view.project(c)[..., :2], axis=(0, 1)) for view, c in zip(views, corners, strict=True)]

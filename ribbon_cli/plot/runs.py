@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
 
 from ribbon_cli.plot.branches import draw_course, mark_points, meanings
+from ribbon_cli.plot.canvas import Figure
 from ribbon_cli.plot.labels import legend_above
 from ribbon_cli.plot.style import BRANCH_MARKERS, INK, Style, branch_look, spread
+from ribbon_cli.store import Summary
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-Course = Sequence[Mapping[str, Any]]
+Course = Sequence["Summary"]
 
 MOST_RUNS = len(BRANCH_MARKERS)
 """Most runs that are told apart: fill says whether a state is certified, dashes how stable it is."""
@@ -34,10 +34,6 @@ def runs_figure(
     states, open ones without certificate, crosses those with self-contact; dashes tell how many directions
     lead down.
     """
-    from matplotlib.lines import Line2D
-
-    from ribbon_cli.plot.canvas import Figure
-
     figure = Figure(figsize=(style.across(0.72), style.row(0.5)), layout="constrained")
     axes = figure.subplots()
     used: set[int | None] = set()
@@ -63,8 +59,8 @@ def runs_figure(
 
 def _draw(axes: Axes, points: Course, k: int, style: Style) -> set[int | None]:
     """One branch of the run with this index; the indices that it has."""
-    b = np.array([point["half_width"] for point in points])
-    energy = np.array([point["energy"] for point in points], dtype=float)
+    b = np.array([point.half_width for point in points])
+    energy = np.array([point.energy for point in points], dtype=float)
     look = branch_look(k)
     used = draw_course(axes, points, b, energy, look["color"], style)
     first, step = spread(k, len(points)) if len(points) > FEW_STATES else (0, 1)
@@ -81,19 +77,19 @@ def _draw(axes: Axes, points: Course, k: int, style: Style) -> set[int | None]:
     return used
 
 
-def _certified(point: Mapping[str, Any]) -> bool:
+def _certified(point: Summary) -> bool:
     """Whether a state is certified; a point of a branch is told by its dashes."""
-    return bool(point["certified"]) or bool(point.get("branch"))
+    return point.certified or point.branch is not None
 
 
-def _touches(point: Mapping[str, Any]) -> bool:
+def _touches(point: Summary) -> bool:
     """Whether a state touches itself; where a branch begins to has a mark of its own."""
-    return bool(point["self_contact"]) and not point.get("branch")
+    return point.self_contact and point.branch is None
 
 
 def _labels(names: Sequence[str], bands: Sequence[str], runs: Sequence[Sequence[Course]]) -> list[str]:
     """Runs by name, and by band and N where they differ in these."""
-    meshes = [sorted({point["segments"] for points in courses for point in points}) for courses in runs]
+    meshes = [sorted({point.segments for points in courses for point in points}) for courses in runs]
     numbers = [f"$N$ = {found[0]}" if len(found) == 1 else "several $N$" for found in meshes]
     shown = [list(names), *(column for column in (bands, numbers) if len(set(column)) > 1)]
     return [", ".join(parts) for parts in zip(*shown, strict=True)]

@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import to_rgb, to_rgba
+from numpy.typing import NDArray
 
 from ribbon_cli.export.mesh import facet_corners, facet_normals, strip
 from ribbon_cli.export.view import View, automatic_view
 from ribbon_cli.plot.outline import draw_lines
 from ribbon_cli.plot.painter import depth_order
 from ribbon_cli.plot.style import INK, SIDES, Style
+from ribbon_cli.store import StateRecord
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from numpy.typing import NDArray
-
-    from ribbon_cli.store import StateRecord
-
-    Array = NDArray[np.float64]
+Array = NDArray[np.float64]
 
 RULINGS = 72
 """Most rulings that are drawn: more would be a grey haze in print."""
@@ -133,8 +132,6 @@ def _turning(front: NDArray[np.bool_], sigma: int) -> NDArray[np.bool_]:
 
 def _shaded(side: NDArray[np.bool_], light: Array) -> Array:
     """Colours (N, 3): Lambert's law with |n.l|, on top of even light."""
-    from matplotlib.colors import to_rgb
-
     base = np.where(side[:, None], to_rgb(SIDES[0]), to_rgb(SIDES[1]))
     level = AMBIENT + (1.0 - AMBIENT) * light
     return np.clip(base * (level * 1.08)[:, None], 0.0, 1.0)
@@ -149,9 +146,6 @@ def _paint(
     drawn: NDArray[np.bool_],
 ) -> None:
     """One collection for facets and the rulings `drawn` (N,) on them, so that nearer facets cover both."""
-    from matplotlib.collections import PolyCollection
-    from matplotlib.colors import to_rgba
-
     n = len(flat)
     thin, none = to_rgba(INK, 0.45), (0.0, 0.0, 0.0, 0.0)
     vertices: list[Array] = []

@@ -12,6 +12,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
 
+import matplotlib
+from matplotlib import style as mpl_style
+
 from ribbon_cli.errors import UsageError
 
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000")
@@ -104,9 +107,6 @@ def of_width(style: Style, millimetres: float) -> Style:
 @contextmanager
 def styled(style: Style) -> Iterator[None]:
     """Let matplotlib draw in a style, whatever the user's own settings are."""
-    import matplotlib
-    from matplotlib import style as mpl_style
-
     settings: dict[Any, Any] = {
         "figure.dpi": 100,
         "savefig.dpi": style.dpi,

@@ -20,6 +20,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 
 from ..model import folding
 from ..model.band import Array, Band, State
@@ -74,7 +75,6 @@ def best_unit(inflections: int, half_width: float, length: float) -> Unit:
     They may come as near as b eta_0 / a = 0.9 on narrow bands, nearer on those that have to.
     Raises ValueError if the half-width is `widest` or more.
     """
-    from scipy.optimize import brentq  # here: loading it takes longer than most commands
 
     limit = widest(inflections, length)
     if not 0.0 < half_width < limit:
@@ -92,12 +92,11 @@ def best_unit(inflections: int, half_width: float, length: float) -> Unit:
         tried = unit(inflections, turn, length)
         return steepest * tried.flat - half_width * tried.eta
 
-    return unit(inflections, float(brentq(excess, low, high, xtol=1e-14, rtol=1e-15)), length)
+    return unit(inflections, float(scipy.optimize.brentq(excess, low, high, xtol=1e-14, rtol=1e-15)), length)
 
 
 def _last_turn(inflections: int) -> float:
     """The Theta at which the flat pieces vanish, a = 0."""
-    from scipy.optimize import brentq  # here: loading it takes longer than most commands
 
     cosine = math.cos(math.pi / inflections)
 
@@ -107,7 +106,7 @@ def _last_turn(inflections: int) -> float:
 
     # c = 1 at the upper end, where this is positive; just above pi the tangent makes it negative.
     last = 2.0 * (math.pi - math.asin(cosine))
-    return float(brentq(flat, math.pi + 1e-9, last, xtol=1e-14, rtol=1e-15))
+    return float(scipy.optimize.brentq(flat, math.pi + 1e-9, last, xtol=1e-14, rtol=1e-15))
 
 
 def schoenke(band: Band, half_twists: int) -> State:

@@ -1,1 +1,5 @@
 """Tables, plots and exports. Reads states, never solves."""
+
+from ribbon_cli.doors import door
+
+__getattr__, __dir__ = door(__name__, __file__)

@@ -7,10 +7,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from ribbon_cli.store import Run, StateRecord, Summary
 from ribbon_cli.store.fields import flatten, is_provenance, value_shape
 
 if TYPE_CHECKING:
-    from ribbon_cli.store import Run, StateRecord
     from ribbon_cli.store.fields import Value
 
 _ORDER = ("/origin/label", "/origin/parent")
@@ -93,8 +95,6 @@ def _difference(one: Any, two: Any) -> float | None:
     """Largest absolute difference of two arrays of numbers; infinite where only one is finite, None if
     shapes differ.
     """
-    import numpy as np
-
     if one.shape != two.shape:
         return None
     a, b = one.astype(np.float64), two.astype(np.float64)
@@ -120,20 +120,20 @@ def compare_runs(first: Run, second: Run, judge: Judge) -> list[StatePair]:
     committed.
     """
     for run in (first, second):
-        for label, entry in run.entries().items():
-            run.committed_bytes(label, entry)
+        for entry in run.entries().values():
+            run.committed_bytes(entry)
     ours, theirs = _by_stage(first), _by_stage(second)
     pairs = []
     for key in dict.fromkeys([*ours, *theirs]):
         one, two = ours.get(key), theirs.get(key)
         if one is None or two is None:
             judgement = Judgement(DIFFERENT)
-        elif one["content_sha256"] == two["content_sha256"]:
+        elif one.content_sha256 == two.content_sha256:
             judgement = Judgement(IDENTICAL)
         else:
-            judgement = judge(first.load(one["label"]), second.load(two["label"]))
-        labels = [None if state is None else state["label"] for state in (one, two)]
-        energies = (None if one is None else one["energy"], None if two is None else two["energy"])
+            judgement = judge(first.load(one.label), second.load(two.label))
+        labels = [None if state is None else state.label for state in (one, two)]
+        energies = (None if one is None else one.energy, None if two is None else two.energy)
         equal = judgement.answer == IDENTICAL
         pairs.append(StatePair(key[1], key[0], labels[0], labels[1], equal, energies, judgement))
     return pairs
@@ -150,12 +150,12 @@ def deciding(pairs: Sequence[StatePair]) -> StatePair | None:
     return None
 
 
-def _by_stage(run: Run) -> dict[tuple[str, str, int], dict[str, Any]]:
+def _by_stage(run: Run) -> dict[tuple[str, str, int], Summary]:
     """States by kind, stage and how often both occurred before."""
     seen: defaultdict[tuple[str, str], int] = defaultdict(int)
     found = {}
     for state in run.states(all=True):
-        key = (state["kind"], state["stage"])
+        key = (state.kind, state.stage)
         found[(*key, seen[key])] = state
         seen[key] += 1
     return found

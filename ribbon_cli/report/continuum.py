@@ -1,6 +1,6 @@
 """How far discrete bands are from the continuum, and at which order they approach it: values, tables, text.
 
-`ribbon_cli.study.continuum` fills these; they know no state and compute nothing but orders.
+`ribbon_cli.analysis.continuum` fills these; they know no state and compute nothing but orders.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The convergence table as text, Markdown, LaTeX, CSV and JSON.
 
-Every format shows the rows, the extrapolations, which energies have no certificate and, if a comparison is
-given, the published numbers beside ours with their footnotes.
+Every format shows the rows, the extrapolations and which energies have no certificate. Text and LaTeX take
+further columns, as of published numbers.
 """
 
 from __future__ import annotations
@@ -10,26 +10,44 @@ import csv
 import io
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, fields
+from dataclasses import asdict, dataclass, fields
 
 from ribbon_cli.digits import energy, powers, with_error
-from ribbon_cli.report.convergence import ComparisonRow, Extrapolation, Row, Table, is_at
+from ribbon_cli.report.convergence import Extrapolation, Row, Table
 
 MISSING = "-"
-_COMPARED = ("thesis_delta", "relative_difference", "agrees", "footnote")
 _LIMIT = ("extrapolated_energy", "extrapolation_error", "settled")
 """Columns of a CSV beside the rows' own."""
+_FOR_PICTURES = "doubtful"
+"""The field of a row that people read in its note."""
 
 _LATEX = {"_": r"\_", "|": "$|$", "<": "$<$", ">": "$>$", "%": r"\%", "&": r"\&", "#": r"\#", "^": r"\^{}"}
 
 
-def as_text(table: Table, comparison: Sequence[ComparisonRow] = ()) -> str:
-    """Aligned plain text; a footnote's number follows the published figure in brackets."""
-    heads = ["b", "N", "E_N", "Delta_N", "ratio", "order", *_comparison_heads(comparison), "note"]
-    notes = _footnotes(comparison)
+@dataclass(frozen=True)
+class Beside:
+    """Further columns of a table: their heads, their cells for each row, and the footnotes [1], [2] and so on
+    that cells refer to.
+    """
+
+    heads: tuple[str, ...] = ()
+    cells: tuple[tuple[str, ...], ...] = ()
+    footnotes: tuple[str, ...] = ()
+
+    def row(self, number: int) -> tuple[str, ...]:
+        """The cells of a row, counted from 0."""
+        return self.cells[number] if self.heads else ()
+
+
+NOTHING = Beside()
+
+
+def as_text(table: Table, beside: Beside = NOTHING) -> str:
+    """Aligned plain text."""
+    heads = ["b", "N", "E_N", "Delta_N", "ratio", "order", *beside.heads, "note"]
     cells = [heads]
-    for row in table.rows:
-        cells.append([*_cells(row), *_comparison_cells(row, comparison, notes), row.note])
+    for k, row in enumerate(table.rows):
+        cells.append([*_cells(row), *beside.row(k), row.note])
     widths = [max(len(line[k]) for line in cells) for k in range(len(heads) - 1)]
     lines = []
     for *figures, note in cells:
@@ -38,28 +56,28 @@ def as_text(table: Table, comparison: Sequence[ComparisonRow] = ()) -> str:
     blocks = ["\n".join(lines)]
     if table.extrapolations:
         blocks.append("\n".join(["N -> infinity:", *map(_sentence, table.extrapolations)]))
-    if notes:
-        blocks.append("\n".join(f"[{k}] {note}" for k, note in enumerate(notes, 1)))
+    if beside.footnotes:
+        blocks.append("\n".join(_footnotes(beside)))
     return "\n\n".join(blocks) + "\n"
 
 
-def as_markdown(table: Table, comparison: Sequence[ComparisonRow] = ()) -> str:
+def _footnotes(beside: Beside) -> list[str]:
+    return [f"[{k}] {note}" for k, note in enumerate(beside.footnotes, 1)]
+
+
+def as_markdown(table: Table) -> str:
     """A pipe table; rows without certificate carry a note in bold."""
-    heads = ["b", "N", "E_N", "Δ_N", "ratio", "order", *_comparison_heads(comparison), "note"]
-    notes = _footnotes(comparison)
+    heads = ["b", "N", "E_N", "Δ_N", "ratio", "order", "note"]
     lines = [heads, ["---:"] * (len(heads) - 1) + [":---"]]
     for row in table.rows:
         mark = f"**{row.note}**" if row.note else ""
-        lines.append([*_cells(row), *_comparison_cells(row, comparison, notes), mark])
+        lines.append([*_cells(row), mark])
     blocks = ["\n".join(f"| {' | '.join(line)} |" for line in lines)]
     blocks.append("N → ∞:\n\n" + "\n".join(f"- {_sentence(item)}" for item in table.extrapolations))
-    if notes:
-        # A bar would end a cell in some readers even here, where no table stands.
-        blocks.append("\n".join(f"{k}. {note}" for k, note in enumerate(notes, 1)).replace("|", r"\|"))
     return "\n\n".join(blocks) + "\n"
 
 
-def as_latex(table: Table, comparison: Sequence[ComparisonRow] = ()) -> str:
+def as_latex(table: Table, beside: Beside = NOTHING) -> str:
     """A `tabular` that needs no package, followed by the extrapolations and footnotes as paragraphs."""
     heads = [
         "$b$",
@@ -69,41 +87,45 @@ def as_latex(table: Table, comparison: Sequence[ComparisonRow] = ()) -> str:
         r"$\Delta_N/\Delta_{2N}$",
         r"$\log_2(\Delta_N/\Delta_{2N})$",
     ]
-    heads += [*_comparison_heads(comparison), "note"]
-    notes = _footnotes(comparison)
+    heads += [*map(_latex, beside.heads), "note"]
     lines = [
         rf"\begin{{tabular}}{{{'r' * (len(heads) - 1)}l}}",
         r"\hline",
         " & ".join(heads) + r" \\",
         r"\hline",
     ]
-    for row in table.rows:
+    for k, row in enumerate(table.rows):
         mark = rf"\textbf{{{_latex(row.note)}}}" if row.note else ""
-        cells = [*_cells(row), *_comparison_cells(row, comparison, notes)]
+        cells = [*_cells(row), *beside.row(k)]
         lines.append(" & ".join([*map(_latex_number, cells), mark]) + r" \\")
     lines += [r"\hline", r"\end{tabular}"]
     paragraphs = [_latex(_sentence(item)).replace("+-", r"$\pm$") for item in table.extrapolations]
-    paragraphs += [f"[{k}] {_latex(note)}" for k, note in enumerate(notes, 1)]
+    paragraphs += map(_latex, _footnotes(beside))
     return "\n\n".join(["\n".join(lines), *paragraphs]) + "\n"
 
 
-def as_csv(table: Table, comparison: Sequence[ComparisonRow] = ()) -> str:
+def as_csv(table: Table) -> str:
     """One line a row, numbers to full precision, missing ones empty; the extrapolation repeats in a group.
 
     The header is there for a table without rows, too.
     """
-    extrapolated = {item.half_width: item for item in table.extrapolations}
-    columns = [
-        *(field.name for field in fields(Row) if field.name != "doubtful"),
-        *(_COMPARED if comparison else ()),
-        *_LIMIT,
-    ]
-    records = []
-    for row in table.rows:
-        limit = extrapolated[row.half_width]
-        values = (limit.energy, limit.error, limit.settled)
-        records.append(_record(row, comparison) | dict(zip(_LIMIT, values, strict=True)))
-    return csv_text(records, columns)
+    columns = [field.name for field in fields(Row) if field.name != _FOR_PICTURES]
+    return csv_text(records(table), [*columns, *_LIMIT])
+
+
+def records(table: Table) -> list[dict[str, object]]:
+    """The rows as flat records, each with the extrapolation of its half-width."""
+    limits = {
+        item.half_width: dict(zip(_LIMIT, (item.energy, item.error, item.settled), strict=True))
+        for item in table.extrapolations
+    }
+    return [_record(row) | limits[row.half_width] for row in table.rows]
+
+
+def _record(row: Row) -> dict[str, object]:
+    record = asdict(row)
+    del record[_FOR_PICTURES]
+    return record
 
 
 def csv_text(records: Sequence[Mapping[str, object]], columns: Sequence[str] = ()) -> str:
@@ -117,19 +139,17 @@ def csv_text(records: Sequence[Mapping[str, object]], columns: Sequence[str] = (
     return out.getvalue()
 
 
-def as_json(table: Table, comparison: Sequence[ComparisonRow] = ()) -> str:
-    """One document: `rows`, `extrapolation`, `length`, and `footnotes` if there are any; missing is null."""
+def as_json(table: Table) -> str:
+    """One document: `rows`, `extrapolation` and `length`; missing is null."""
     document = {
         "length": table.length,
-        "rows": [_record(row, comparison) for row in table.rows],
+        "rows": [_record(row) for row in table.rows],
         "extrapolation": [asdict(item) for item in table.extrapolations],
     }
-    if notes := _footnotes(comparison):
-        document["footnotes"] = notes
     return json.dumps(document, indent=2, allow_nan=False) + "\n"
 
 
-RENDERERS: dict[str, Callable[[Table, Sequence[ComparisonRow]], str]] = {
+RENDERERS: dict[str, Callable[[Table], str]] = {
     "text": as_text,
     "markdown": as_markdown,
     "latex": as_latex,
@@ -160,43 +180,6 @@ def _cells(row: Row) -> list[str]:
         _number(row.ratio, ".6g"),
         _number(row.order, ".4f"),
     ]
-
-
-def _comparison_heads(comparison: Sequence[ComparisonRow]) -> list[str]:
-    return ["thesis", "difference", "agrees"] if comparison else []
-
-
-def _footnotes(comparison: Sequence[ComparisonRow]) -> list[str]:
-    return [item.footnote for item in comparison if item.footnote]
-
-
-def _published(row: Row, comparison: Sequence[ComparisonRow]) -> ComparisonRow | None:
-    return next((item for item in comparison if is_at(item, row.half_width, row.segments)), None)
-
-
-def _comparison_cells(row: Row, comparison: Sequence[ComparisonRow], notes: Sequence[str]) -> list[str]:
-    if not comparison:
-        return []
-    item = _published(row, comparison)
-    if item is None:
-        return [MISSING] * 3
-    mark = f" [{notes.index(item.footnote) + 1}]" if item.footnote else ""
-    agrees = {None: MISSING, True: "yes", False: "no"}[item.agrees]
-    return [item.thesis + mark, _number(item.relative_difference, ".1e"), agrees]
-
-
-def _record(row: Row, comparison: Sequence[ComparisonRow]) -> dict[str, object]:
-    record = asdict(row)
-    del record["doubtful"]  # what the note says to people
-    if comparison:
-        item = _published(row, comparison)
-        record |= {
-            "thesis_delta": None if item is None else float(item.thesis),
-            "relative_difference": None if item is None else item.relative_difference,
-            "agrees": None if item is None else item.agrees,
-            "footnote": "" if item is None else item.footnote,
-        }
-    return record
 
 
 def _latex(text: str) -> str:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
+import scipy
 
 from ..model.band import Array
 from ..model.problem import Problem
@@ -118,10 +119,9 @@ class Segment:
 
 def _root(f: Callable[[float], float], low: float, high: float, accuracy: float) -> float:
     """A zero of f between two places at which its signs differ. Raises LocationError if there is none."""
-    from scipy.optimize import brentq  # here: loading it takes longer than most commands
 
     try:
-        return float(brentq(f, low, high, xtol=accuracy, rtol=8.9e-16))
+        return float(scipy.optimize.brentq(f, low, high, xtol=accuracy, rtol=8.9e-16))
     except (ValueError, RuntimeError) as error:  # equal signs, not-a-number; no convergence
         raise LocationError(f"no zero was found: {error}") from error
 

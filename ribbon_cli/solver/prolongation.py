@@ -16,6 +16,7 @@ import numpy as np
 
 from ..model import folding
 from ..model.band import Array, Band, State
+from ..model.splines import seam_spline
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
@@ -47,14 +48,8 @@ class Start:
 
 def closed_spline(values: Array, length: float, first: float, sign: int) -> CubicSpline:
     """Cubic spline through (N,) values at first, first + h, ... with f(s + length) = sign f(s)."""
-    from scipy.interpolate import CubicSpline  # here: loading it takes longer than most commands
-
     n = values.size
-    if sign > 0:
-        s = first + length * np.arange(n + 1) / n
-        return CubicSpline(s, np.append(values, values[0]), bc_type="periodic")
-    s = first + length * np.arange(2 * n + 1) / n
-    return CubicSpline(s, np.concatenate((values, -values, values[:1])), bc_type="periodic")
+    return seam_spline(values, first + length * np.arange((n if sign > 0 else 2 * n) + 1) / n, sign)
 
 
 def inflections(kappa: Array, band: Band) -> Array:

@@ -6,10 +6,10 @@ import hashlib
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
 
 from ribbon_cli.errors import StoreError
 from ribbon_cli.store.atomic import put_aside, write_atomic
+from ribbon_cli.store.events import Created, Event
 from ribbon_cli.store.folder import CONFIG, RESOLVED
 from ribbon_cli.store.hdf5 import decode_bytes, read_bytes
 from ribbon_cli.store.root import named
@@ -19,10 +19,10 @@ _KEYS = {CONFIG: "config_text", RESOLVED: "config_resolved"}
 CHANGED = "not the bytes that the run was made with"
 
 
-def committed(events: Iterable[Mapping[str, Any]]) -> dict[str, str]:
+def committed(events: Iterable[Event]) -> dict[str, str]:
     """Hashes of the config files by name, from a log's first line; empty if that is lost."""
-    created = next((event for event in events if event["event"] == "created"), {})
-    return {name: sha for name, sha in created.get("files", {}).items() if name in (CONFIG, RESOLVED)}
+    files = next((event.files for event in events if isinstance(event, Created)), {})
+    return {name: sha for name, sha in files.items() if name in (CONFIG, RESOLVED)}
 
 
 def differing(folder: Path, hashes: Mapping[str, str]) -> Iterator[tuple[Path, str]]:
@@ -38,7 +38,7 @@ def differing(folder: Path, hashes: Mapping[str, str]) -> Iterator[tuple[Path, s
                 yield path, CHANGED
 
 
-def require(folder: Path, events: Iterable[Mapping[str, Any]]) -> None:
+def require(folder: Path, events: Iterable[Event]) -> None:
     """Refuse to go on where a config file was changed or is gone: new states would say that they came of it.
 
     Raises StoreError.

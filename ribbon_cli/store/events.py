@@ -1,38 +1,20 @@
-"""What a line of a run's log must say, whatever its checksum: readers take its fields for granted."""
+"""The lines of a run's log, by kind.
+
+Whatever a line's checksum, what readers take for granted is checked here.
+"""
 
 from __future__ import annotations
 
-import math
 import re
-from collections.abc import Iterable, Mapping
-from typing import Any
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any, TypeGuard
 
-from ribbon_cli.store.layout import BRANCH, STATE, Item
+from ribbon_cli.store.summaries import Summary, are_texts, checked, is_label
 
 _SHA256 = re.compile(r"[0-9a-f]{64}")
-_TOPOLOGY = ("half_twists", "sigma")
-_NONE: set[type] = {type(None)}
-_JSON: dict[str, set[type]] = {
-    "bool": {bool},
-    "utf-8": {str},
-    "int64": {int},
-    "float64": {int, float} | _NONE,
-}
-"""What a value may be in JSON, by the type that it has in a file; not-a-number is null."""
-
-
-def _types(items: Iterable[Item]) -> dict[str, frozenset[type]]:
-    """The types by field; no class is taken for another, as bool is for int by `isinstance`."""
-    found = {}
-    for item in items:
-        types: set[type] = {list} if item.dims else _JSON[item.dtype]
-        found[item.field] = frozenset(types | _NONE if item.optional else types)
-    return found
-
-
-_OF_STATE = _types(item for item in STATE if item.summary and item.field not in _TOPOLOGY)
-_OF_TOPOLOGY = _types(item for item in STATE if item.field in _TOPOLOGY)
-_OF_BRANCH = _types(item for item in BRANCH if item.summary)
+_VERSION = re.compile(r"[1-9]\d{0,3}\.\d{1,4}")
 _BRANCH_END = {
     "branch": frozenset({str}),
     "start": frozenset({int}),
@@ -46,142 +28,189 @@ _STAGE_GIVEN_UP = {
     "status": frozenset({str}),
     "detail": frozenset({str}),
 }
-_POSITIVE = ("half_width", "segments", "length")
-_VERSION = re.compile(r"[1-9]\d{0,3}\.\d{1,4}")
-_LARGEST = 2**63
-"""Bound of whole numbers, as in a file."""
-LABELS = 10**12
-"""Bound of the labels that a line may name."""
+BRANCH_END = "branch-end"
+"""The event that says why a branch ends."""
+GIVEN_UP = "stage-given-up"
+"""The event of a stage that was not reached from a state, and that the same command need not try again."""
 REMOVED = "states-removed"
 """The event that takes states out of a run: once it is in the log they are gone, whatever files are left."""
 
-GIVEN_UP = "stage-given-up"
-"""The event of a stage that was not reached from a state, and that the same command need not try again."""
+Place = tuple[float | None, int]
+"""A half-width, None where it is not known, and N."""
 
 
-def check_event(entry: Any) -> dict[str, Any]:
+@dataclass(frozen=True)
+class Event:
+    """A line of the log. `document` is all that it says, also what only a newer version understands."""
+
+    kind: str
+    time: str
+    document: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Created(Event):
+    """The first line: the format's version, and the hashes of the config files by name."""
+
+    format_version: str
+    files: dict[str, str]
+
+
+@dataclass(frozen=True)
+class Entry(Event):
+    """A state that was committed: its summary, and the hash of its file."""
+
+    sha256: str
+    state: Summary
+
+
+@dataclass(frozen=True)
+class Lost(Event):
+    """A state whose file was damaged or missing, its stage and its summary, as far as these are told."""
+
+    label: int
+    reason: str
+    stage: str | None
+    state: Summary | None
+
+
+@dataclass(frozen=True)
+class Ended(Event):
+    """The end of a solve: the targets that it missed, and those that lay beyond the event it stopped at."""
+
+    missed: tuple[Place, ...]
+    beyond: tuple[Place, ...]
+
+
+@dataclass(frozen=True)
+class BranchEnd(Event):
+    """Why and where a branch ends that was begun at the state with the label `start`."""
+
+    branch: str
+    start: int
+    reason: str
+    half_width: float
+    message: str
+
+
+@dataclass(frozen=True)
+class GivenUp(Event):
+    """How a stage ended in vain that was solved for from the state with the label `parent`."""
+
+    stage: str
+    parent: int
+    status: str
+    detail: str
+
+
+@dataclass(frozen=True)
+class Removed(Event):
+    """States that were taken out of the run, and branches whose ends count no longer."""
+
+    labels: tuple[int, ...]
+    branches: tuple[str, ...]
+
+
+def read_event(document: Any) -> Event:
     """Return an event of a run's log, unknown kinds too. Raises ValueError for what is none."""
-    if not isinstance(entry, dict) or not isinstance(entry.get("event"), str):
+    if not isinstance(document, dict) or not isinstance(document.get("event"), str):
         raise ValueError("it is not an event")
-    if not isinstance(entry.get("time"), str):
+    if not isinstance(document.get("time"), str):
         raise ValueError("it has no time")
-    if entry["event"] in _CHECKS:
-        _CHECKS[entry["event"]](entry)
-    return entry
+    make = _KINDS.get(document["event"])
+    return (make or Event)(document["event"], document["time"], document)
 
 
-def removed(events: Iterable[Mapping[str, Any]]) -> dict[int, Mapping[str, Any]]:
+def removed(events: Iterable[Event]) -> dict[int, Entry]:
     """The entries of the states that were removed, by label; only what was stored before can be."""
-    there: dict[int, Mapping[str, Any]] = {}
-    gone: dict[int, Mapping[str, Any]] = {}
+    there: dict[int, Entry] = {}
+    gone: dict[int, Entry] = {}
     for event in events:
-        if event["event"] == "state":
-            there[event["state"]["label"]] = event
-            gone.pop(event["state"]["label"], None)
-        elif event["event"] == REMOVED:
-            gone |= {label: there.pop(label) for label in event["labels"] if label in there}
+        if isinstance(event, Entry):
+            there[event.state.label] = event
+            gone.pop(event.state.label, None)
+        elif isinstance(event, Removed):
+            gone |= {label: there.pop(label) for label in event.labels if label in there}
     return gone
 
 
-def _created(entry: dict[str, Any]) -> None:
-    if entry.get("format") != "ribbon-run":
+def _created(kind: str, time: str, document: dict[str, Any]) -> Created:
+    if document.get("format") != "ribbon-run":
         raise ValueError("it is not of a run")
-    files = entry.get("files")
+    files = document.get("files")
     if not isinstance(files, dict) or not all(_is_sha256(sha) for sha in files.values()):
         raise ValueError("it has no hashes of the config files")
-    version = entry.get("format_version")
+    version = document.get("format_version")
     if not isinstance(version, str) or not _VERSION.fullmatch(version):
         raise ValueError("it has no version of the format")
+    return Created(kind, time, document, version, files)
 
 
-def _state(entry: dict[str, Any]) -> None:
-    state = entry.get("state")
-    if not isinstance(state, dict) or not _is_label(state.get("label")):
-        raise ValueError("it has no state with a label")
-    if not _is_sha256(entry.get("sha256")) or entry.get("file") != f"states/{state['label']:04d}.h5":
-        raise ValueError(f"it does not name the file of state {state['label']} with its hash")
-    of = f"of state {state['label']} is missing, or of another type"
-    _require(state, _OF_STATE, of)
-    kinds = state.get("event_kinds", [""] * len(state["events"]))
-    if not isinstance(kinds, list) or not _are_texts(kinds) or len(kinds) != len(state["events"]):
-        raise ValueError(f"event_kinds {of}")
-    for name in _POSITIVE:
-        if not (state[name] or 0) > 0:
-            raise ValueError(f"{name} of state {state['label']} is not positive")
-    _require(state.get("topology"), _OF_TOPOLOGY, of)
-    if state.get("branch") is None:
-        return
-    if state["parent"] is None:
-        raise ValueError(f"state {state['label']} is a point of a branch, and has no parent")
-    _require(state["branch"], _OF_BRANCH, of)
+def _state(kind: str, time: str, document: dict[str, Any]) -> Entry:
+    state, sha256 = Summary.read(document.get("state")), document.get("sha256")
+    if (
+        not isinstance(sha256, str)
+        or not _is_sha256(sha256)
+        or document.get("file") != f"states/{state.label:04d}.h5"
+    ):
+        raise ValueError(f"it does not name the file of state {state.label} with its hash")
+    return Entry(kind, time, document, sha256, state)
 
 
-def _lost(entry: dict[str, Any]) -> None:
-    if not _is_label(entry.get("label")):
+def _lost(kind: str, time: str, document: dict[str, Any]) -> Lost:
+    if not is_label(document.get("label")):
         raise ValueError("it names no state")
+    state, reason = document.get("state"), str(document.get("reason", "its file was missing"))
+    stage = state.get("stage") if isinstance(state, dict) else None
+    known = None
+    with suppress(ValueError):
+        known = Summary.read(state)
+    stage = stage if isinstance(stage, str) else None
+    return Lost(kind, time, document, document["label"], reason, stage, known)
 
 
-def _ended(entry: dict[str, Any]) -> None:
-    for places in (entry.get("missed"), entry.get("beyond", [])):
-        if not isinstance(places, list) or not all(_is_place(place) for place in places):
-            raise ValueError("its missed targets are not pairs of a half-width and N")
+def _ended(kind: str, time: str, document: dict[str, Any]) -> Ended:
+    return Ended(kind, time, document, _places(document.get("missed")), _places(document.get("beyond", [])))
 
 
-def _branch_end(entry: dict[str, Any]) -> None:
-    _require(entry, _BRANCH_END, "is missing, or of another type")
+def _branch_end(kind: str, time: str, document: dict[str, Any]) -> BranchEnd:
+    found = checked(document, _BRANCH_END, "is missing, or of another type")
+    return BranchEnd(kind, time, document, **found)
 
 
-def _given_up(entry: dict[str, Any]) -> None:
-    _require(entry, _STAGE_GIVEN_UP, "is missing, or of another type")
+def _given_up(kind: str, time: str, document: dict[str, Any]) -> GivenUp:
+    found = checked(document, _STAGE_GIVEN_UP, "is missing, or of another type")
+    return GivenUp(kind, time, document, **found)
 
 
-def _removed(entry: dict[str, Any]) -> None:
-    labels, branches = entry.get("labels"), entry.get("branches")
-    if not isinstance(labels, list) or not all(map(_is_label, labels)):
+def _removed(kind: str, time: str, document: dict[str, Any]) -> Removed:
+    labels, branches = document.get("labels"), document.get("branches")
+    if not isinstance(labels, list) or not all(map(is_label, labels)):
         raise ValueError("it does not name states by their labels")
-    if not isinstance(branches, list) or not _are_texts(branches):
+    if not isinstance(branches, list) or not are_texts(branches):
         raise ValueError("it does not name branches")
+    return Removed(kind, time, document, tuple(labels), tuple(branches))
 
 
-_CHECKS = {
+_KINDS: dict[str, Callable[[str, str, dict[str, Any]], Event]] = {
     "created": _created,
     "state": _state,
     "state-lost": _lost,
     "ended": _ended,
-    "branch-end": _branch_end,
+    BRANCH_END: _branch_end,
     GIVEN_UP: _given_up,
     REMOVED: _removed,
 }
 
 
-def _require(fields: Any, types: Mapping[str, frozenset[type]], of: str) -> None:
-    """Raise ValueError unless a part of a summary has all these fields, each of one of its types."""
-    found = fields if isinstance(fields, dict) else {}
-    for name, allowed in types.items():
-        value = found.get(name, _require)  # which is no value at all
-        kind = type(value)
-        if kind in allowed:
-            if kind is float:
-                if math.isfinite(value):  # as 1e999 is not
-                    continue
-            elif kind is int:
-                if -_LARGEST <= value < _LARGEST:
-                    continue
-            elif kind is not list or _are_texts(value):
-                continue
-        raise ValueError(f"{name} {of}")
-
-
-def _are_texts(values: list[Any]) -> bool:
-    return all(isinstance(text, str) for text in values)
-
-
-def _is_label(value: Any) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool) and 0 < value < LABELS
-
-
-def _is_sha256(value: Any) -> bool:
+def _is_sha256(value: Any) -> TypeGuard[str]:
     return isinstance(value, str) and _SHA256.fullmatch(value) is not None
+
+
+def _places(values: Any) -> tuple[Place, ...]:
+    if not isinstance(values, list) or not all(map(_is_place, values)):
+        raise ValueError("its missed targets are not pairs of a half-width and N")
+    return tuple((b, n) for b, n in values)
 
 
 def _is_place(value: Any) -> bool:

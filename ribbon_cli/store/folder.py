@@ -16,6 +16,7 @@ from typing import Any
 from ribbon_cli.errors import StoreError, UsageError
 from ribbon_cli.store import log
 from ribbon_cli.store.atomic import is_temporary, sync_folder, temporary_name, write_durable
+from ribbon_cli.store.events import Created
 from ribbon_cli.store.lock import HOLDER, LOCK, RunLock
 
 CONFIG = "config.yaml"
@@ -66,19 +67,19 @@ def state_files(folder: Path) -> dict[int, Path]:
     return {label: folder / state_name(label) for label in sorted(labels)}
 
 
-def state_entry(state: Mapping[str, Any], data: bytes) -> dict[str, Any]:
-    """Entry in the log for a state with the summary `state`, whose file holds `data`."""
+def state_entry(state: dict[str, Any], data: bytes) -> dict[str, Any]:
+    """What the log says of a state with the summary `state`, whose file holds `data`."""
     return {
         "event": "state",
         "time": log.utc_now(),
         "file": state_name(state["label"]),
         "sha256": hashlib.sha256(data).hexdigest(),
-        "state": dict(state),
+        "state": state,
     }
 
 
 def created_entry(files: Mapping[str, bytes]) -> dict[str, Any]:
-    """First entry of a run's log, with the hashes of its config files."""
+    """What the log's first line says, with the hashes of its config files."""
     hashes = {name: hashlib.sha256(data).hexdigest() for name, data in files.items()}
     return {
         "event": "created",
@@ -89,9 +90,9 @@ def created_entry(files: Mapping[str, bytes]) -> dict[str, Any]:
     }
 
 
-def check_run_version(path: Path, created: Mapping[str, Any]) -> None:
+def check_run_version(path: Path, created: Created) -> None:
     """Refuse a run of a newer format by the first event of its log. Raises StoreError."""
-    version = created["format_version"]
+    version = created.format_version
     if int(version.partition(".")[0]) > int(RUN_FORMAT_VERSION.partition(".")[0]):
         raise StoreError(f"{path}: run of format {version}, this is {RUN_FORMAT_VERSION}: update ribbon")
 

@@ -7,6 +7,7 @@ without it.
 
 from __future__ import annotations
 
+import math
 import os
 import stat
 from collections.abc import Mapping
@@ -21,10 +22,11 @@ from ribbon_cli.store.fields import Field, assemble, flatten, scales, value_dtyp
 from ribbon_cli.store.layout import DIMENSIONS, EVENTS, FORMAT, FORMAT_VERSION, KINDS_OF_EVENTS, SIGNALS
 from ribbon_cli.store.preamble import block_size, check_seal, check_version, head_version, seal
 from ribbon_cli.store.record import StateRecord
-from ribbon_cli.store.summaries import agrees, describe
+from ribbon_cli.store.summaries import Summary
 
 if TYPE_CHECKING:
     import h5py
+    import numpy as np
 
     from ribbon_cli.store.fields import Value
 
@@ -69,7 +71,7 @@ def encode(record: StateRecord) -> bytes:
     fields = flatten(record)
     _check_kinds(record)
     content = values_sha256({field.item.path: field.value for field in fields})
-    summary = describe(record, content)
+    summary = Summary.of(record, content).to_dict()
     fields += scales(fields, record.length, record.segments)
     image = io.BytesIO()
     creation = h5p.create(h5p.FILE_CREATE)
@@ -90,6 +92,7 @@ def encode(record: StateRecord) -> bytes:
         if record.event_kinds:
             write_text_attribute(datasets[EVENTS], KINDS_OF_EVENTS, " ".join(record.event_kinds))
         _write_axes(file, fields, datasets)
+        datasets.clear()  # what is still open when the file is closed takes h5py longer
     return seal(image.getvalue(), summary)
 
 
@@ -134,13 +137,23 @@ def write_text_attribute(owner: Any, name: str, *texts: str) -> None:
     """Write a fixed-length UTF-8 attribute, of several texts an array; faster than h5py's own by several
     times.
     """
+    from h5py import h5a
+
+    kind, space, data = _text_value(texts)
+    h5a.create(owner, name.encode(), kind, space).write(data, mtype=kind)
+
+
+# Types, spaces and properties are the same from file to file. Making each anew takes longer than writing.
+
+
+@lru_cache(maxsize=1024)
+def _text_value(texts: tuple[str, ...]) -> tuple[Any, Any, Any]:
+    """HDF5's type and space of an attribute, and its data."""
     import numpy as np
-    from h5py import h5a, h5s
 
     data = np.array([text.encode() or b"\0" for text in texts], dtype=np.bytes_)
-    kind = _text_type(data.dtype.itemsize)
-    space = h5s.create(h5s.SCALAR) if len(texts) == 1 else h5s.create_simple(data.shape)
-    h5a.create(owner, name.encode(), kind, space).write(data.reshape(space.shape), mtype=kind)
+    data = data.reshape(data.shape if len(texts) > 1 else ())
+    return _text_type(data.dtype.itemsize), _space(data.shape), data
 
 
 @lru_cache(maxsize=256)
@@ -155,12 +168,44 @@ def _text_type(width: int) -> Any:
     return kind
 
 
+@lru_cache(maxsize=256)
+def _space(shape: tuple[int, ...]) -> Any:
+    """HDF5's space of an array, or of one value."""
+    from h5py import h5s
+
+    return h5s.create_simple(shape) if shape else h5s.create(h5s.SCALAR)
+
+
+@lru_cache(maxsize=16)
+def _number_type(dtype: Any) -> Any:
+    """HDF5's type of numbers and truth values."""
+    from h5py import h5t
+
+    return h5t.py_create(dtype, logical=True)
+
+
+@lru_cache(maxsize=256)
+def _creation(shape: tuple[int, ...], compressed: bool) -> Any:
+    """How a dataset is laid out: an array in one chunk with a checksum, a single value as it is."""
+    from h5py import h5p
+
+    creation = h5p.create(h5p.DATASET_CREATE)
+    creation.set_obj_track_times(False)
+    if all(shape) and shape:
+        creation.set_chunk(shape)
+        if compressed:
+            creation.set_shuffle()
+            creation.set_deflate(GZIP_LEVEL)
+        creation.set_fletcher32()
+    return creation
+
+
 def _write_dataset(file: h5py.File, field: Field) -> Any:
     """Write one dataset with its three attributes and return its id; arrays are checksummed, longer ones
     compressed.
     """
     import numpy as np
-    from h5py import h5d, h5p, h5s, h5t
+    from h5py import h5d, h5s
 
     value = field.value
     if isinstance(value, str | tuple):
@@ -169,17 +214,9 @@ def _write_dataset(file: h5py.File, field: Field) -> Any:
         data = np.array(texts, dtype=kind.dtype).reshape(value_shape(value))
     else:
         data = value
-        kind = h5t.py_create(data.dtype, logical=True)
-    creation = h5p.create(h5p.DATASET_CREATE)
-    creation.set_obj_track_times(False)
-    if data.shape and data.size:
-        creation.set_chunk(data.shape)
-        if data.size > COMPRESS_ABOVE:
-            creation.set_shuffle()
-            creation.set_deflate(GZIP_LEVEL)
-        creation.set_fletcher32()
-    space = h5s.create_simple(data.shape) if data.shape else h5s.create(h5s.SCALAR)
-    dataset = h5d.create(file.id, field.item.path.encode(), kind, space, creation)
+        kind = _number_type(data.dtype)
+    creation = _creation(data.shape, data.size > COMPRESS_ABOVE)
+    dataset = h5d.create(file.id, field.item.path.encode(), kind, _space(data.shape), creation)
     if data.size:
         dataset.write(h5s.ALL, h5s.ALL, data, mtype=kind)
     for name in ("description", "units", "equation"):
@@ -231,9 +268,9 @@ def decode_bytes(data: bytes, source: str) -> StateRecord:
             values = _read_values(file)
             if values_sha256(values) != stored:
                 raise ValueError("its content does not match its content_sha256")
-            record = assemble(values, _event_kinds(file))
+            record = assemble(values, _event_kinds(file) if EVENTS in values else None)
             _check_kinds(record)
-            if head is not None and not agrees(head, record, stored):
+            if head is not None and not Summary.of(record, stored).agrees(head):
                 raise ValueError("the summary in its head is not that of its content")
             return record
     except UNREADABLE as error:
@@ -269,57 +306,74 @@ def _check_kinds(record: StateRecord) -> None:
 
 def _event_kinds(file: h5py.File) -> tuple[str, ...] | None:
     """The kinds of a state's events, None in a file of format 1.0 or 1.1. Raises ValueError."""
-    events = file.get(EVENTS)
-    if events is None or KINDS_OF_EVENTS not in events.attrs:
+    from h5py import h5a, h5d
+
+    events, name = h5d.open(file.id, EVENTS.encode()), KINDS_OF_EVENTS.encode()
+    if not h5a.exists(events, name):
         return None
-    return tuple(text_attribute(events, KINDS_OF_EVENTS, MOST_OF_KINDS).split())
+    return tuple(_read_text(h5a.open(events, name), MOST_OF_KINDS).split())
 
 
-def text_attribute(owner: h5py.HLObject, name: str, most: int = 256) -> str:
-    """Read an attribute. Raises ValueError unless it is one fixed-length text of `most` bytes."""
-    what = f"the {'root ' if owner.name == '/' else ''}attribute {name!r}"
-    if name not in owner.attrs:
-        raise ValueError(f"{what} is missing")
-    attribute = owner.attrs.get_id(name)
+def text_attribute(file: h5py.File, name: str) -> str:
+    """Read a root attribute. Raises ValueError unless it is one short fixed-length text."""
+    if name not in file.attrs:
+        raise ValueError(f"the root attribute {name!r} is missing")
+    return _read_text(file.attrs.get_id(name))
+
+
+def _read_text(attribute: h5py.h5a.AttrID, most: int = 256) -> str:
+    """The text of an attribute. Raises ValueError unless it is one of fixed length, of `most` bytes."""
+    import numpy as np
+
     if attribute.shape != () or attribute.dtype.kind != "S" or attribute.dtype.itemsize > most:
-        raise ValueError(f"{what} is not a short text")
-    value = owner.attrs[name]
-    return value.decode() if isinstance(value, bytes) else str(value)
+        raise ValueError(f"the attribute {attribute.name.decode()!r} is not a short text")
+    value = np.empty((), attribute.dtype)
+    attribute.read(value)
+    return bytes(value.item()).decode()
 
 
 def _read_values(file: h5py.File) -> dict[str, Value]:
     """Read every dataset of a file. Raises ValueError for whatever a state file must not contain."""
-    datasets = _find_datasets(file)
-    size = sum(dataset.size * dataset.dtype.itemsize for dataset in datasets.values())
-    if size > MAX_BYTES:
-        raise ValueError(f"its datasets take {size} bytes, more than any state's")
-    return {path: _read_dataset(dataset) for path, dataset in datasets.items()}
+    import numpy as np
+
+    arrays: dict[str, tuple[Any, np.ndarray]] = {}
+    size = 0
+    for path, dataset in _find_datasets(file).items():
+        shape, dtype = check_dataset(path, dataset)
+        size += math.prod(shape) * dtype.itemsize
+        if size > MAX_BYTES:
+            raise ValueError(f"its datasets take {size} bytes or more, more than any state's")
+        arrays[path] = dataset, np.empty(shape, dtype)
+    return {path: _read_dataset(path, dataset, data) for path, (dataset, data) in arrays.items()}
 
 
-def _find_datasets(file: h5py.File) -> dict[str, h5py.Dataset]:
-    """Walk over hard links only, so that a file can never make us read another. Raises ValueError."""
-    import h5py
+def _find_datasets(file: h5py.File) -> dict[str, Any]:
+    """Ids of all datasets. Walks over hard links only, so that a file can never make us read another.
 
-    found: dict[str, h5py.Dataset] = {}
-    groups: list[tuple[str, h5py.Group]] = [("", file)]
-    seen = {h5py.h5o.get_info(file.id).addr}
+    h5py's objects would take three times as long as reading. Raises ValueError.
+    """
+    from h5py import h5d, h5g, h5l, h5o
+
+    found: dict[str, h5d.DatasetID] = {}
+    root = h5g.open(file.id, b"/")
+    groups: list[tuple[str, h5g.GroupID]] = [("", root)]
+    seen = {h5o.get_info(root).addr}
     while groups:
         prefix, group = groups.pop()
         for name in group:
-            path = f"{prefix}/{name}"
+            path = f"{prefix}/{name.decode()}"
             if len(seen) > MAX_OBJECTS:
                 raise ValueError("it holds more objects than any state file")
-            if not isinstance(group.get(name, getlink=True), h5py.HardLink):
+            if group.links.get_info(name).type != h5l.TYPE_HARD:
                 raise ValueError(f"{path} is a soft or external link")
-            node = group[name]
-            address = h5py.h5o.get_info(node.id).addr
+            node = h5o.open(group, name)
+            address = h5o.get_info(node).addr
             if address in seen:
                 raise ValueError(f"{path} is another object once more, or leads in a circle")
             seen.add(address)
-            if isinstance(node, h5py.Group):
+            if isinstance(node, h5g.GroupID):
                 groups.append((path, node))
-            elif isinstance(node, h5py.Dataset):
-                check_dataset(path, node)
+            elif isinstance(node, h5d.DatasetID):
                 found[path] = node
             else:
                 raise ValueError(f"{path} is neither group nor dataset")
@@ -327,34 +381,41 @@ def _find_datasets(file: h5py.File) -> dict[str, h5py.Dataset]:
 
 
 def check_dataset(
-    path: str, dataset: h5py.Dataset, dtypes: tuple[str, ...] = ("<f8", "<i8", "?", "S")
-) -> None:
+    path: str, dataset: h5py.h5d.DatasetID, dtypes: tuple[str, ...] = ("<f8", "<i8", "?", "S")
+) -> tuple[tuple[int, ...], np.dtype[Any]]:
     """Refuse data outside of the file, other filters and other types, before any is read.
 
-    Raises ValueError.
+    Returns shape and type. Raises ValueError.
     """
-    creation = dataset.id.get_create_plist()
-    if creation.get_external_count() or dataset.is_virtual:
+    from h5py import h5d, h5s
+
+    creation = dataset.get_create_plist()
+    if creation.get_external_count() or creation.get_layout() == h5d.VIRTUAL:
         raise ValueError(f"{path} keeps its data outside the file")
     if not {creation.get_filter(k)[0] for k in range(creation.get_nfilters())} <= _FILTERS:
         raise ValueError(f"{path} uses a filter that no state file uses")
-    if dataset.shape is None:
+    space = dataset.get_space()
+    if space.get_simple_extent_type() == h5s.NULL:
         raise ValueError(f"{path} has no shape")
-    if dataset.dtype not in dtypes and not ("S" in dtypes and dataset.dtype.kind == "S"):
-        raise ValueError(f"{path} has dtype {dataset.dtype}")
+    dtype = dataset.dtype
+    if dtype not in dtypes and not ("S" in dtypes and dtype.kind == "S"):
+        raise ValueError(f"{path} has dtype {dtype}")
+    return space.get_simple_extent_dims(), dtype
 
 
-def _read_dataset(dataset: h5py.Dataset) -> Value:
-    """Read one checked dataset as a value of fields.py."""
+def _read_dataset(path: str, dataset: Any, data: np.ndarray) -> Value:
+    """Read one checked dataset into an array of its shape and type, as a value of fields.py."""
     import numpy as np
+    from h5py import h5s
 
-    data = np.asarray(dataset[()])
+    if data.size:
+        dataset.read(h5s.ALL, h5s.ALL, data)
     if data.dtype.kind != "S":
         if data.dtype == "?" and not (data.view(np.uint8) <= 1).all():
-            raise ValueError(f"{dataset.name} holds a truth value other than 0 and 1")
+            raise ValueError(f"{path} holds a truth value other than 0 and 1")
         value_dtype(data)
         return data
     texts = tuple(bytes(text).decode() for text in data.ravel().tolist())
     if data.ndim > 1:
-        raise ValueError(f"{dataset.name} is an array of texts with more than one dimension")
+        raise ValueError(f"{path} is an array of texts with more than one dimension")
     return texts if data.ndim else texts[0]

@@ -12,8 +12,9 @@ import os
 import socket
 import time
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ribbon_cli.errors import LockedError, StoreError
 from ribbon_cli.store.atomic import write_atomic, write_durable, write_error
@@ -30,7 +31,27 @@ _PATIENCE = 2.0
 """Seconds for which a new holder may still be about to write its note."""
 _NO_LOCKS = {errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOLCK, errno.EINVAL}
 
-Note = dict[str, Any]
+
+@dataclass(frozen=True)
+class Holder:
+    """The process that writes to a run."""
+
+    pid: int
+    host: str
+    since: str
+
+    def __str__(self) -> str:
+        """The process in words, on one line whatever its note says."""
+        words = f"process {self.pid} on {self.host} since {self.since}"
+        return "".join(c if c.isprintable() else "?" for c in words)[:300]
+
+
+@dataclass(frozen=True)
+class _Note:
+    """What a lock's file says: its holder, and what tells it from a later process with its number."""
+
+    holder: Holder
+    start: str | None
 
 
 class RunLock:
@@ -114,14 +135,14 @@ class RunLock:
         if os.path.lexists(self.folder / CLAIM):
             raise LockedError(self._describe_holder())
         note = self._read(HOLDER)
-        left = f"{self.folder.name}: {_person(note)} ended without letting go of the run" if note else ""
+        left = f"{self.folder.name}: {note.holder} ended without letting go of the run" if note else ""
         return [*remarks, *claim, left]
 
     def _drop_stale_claim(self) -> list[str]:
         """Remove a claim of a process of this machine that has ended. Raises OSError."""
         path = self.folder / CLAIM
         note = self._read(CLAIM)
-        if not note or _living(note):
+        if note is None or _living(note):
             return []
         # Taken away under another name first: if it is a newer claim by now, it goes back.
         taken = path.with_name(f"{CLAIM}.stale-{os.getpid()}")
@@ -135,7 +156,7 @@ class RunLock:
             os.unlink(taken)
             return []
         os.unlink(taken)
-        return [f"{self.folder.name}: removed the lock of {_person(note)}, which has ended"]
+        return [f"{self.folder.name}: removed the lock of {note.holder}, which has ended"]
 
     def release(self) -> None:
         """Give the lock back; does nothing when it is not held."""
@@ -151,35 +172,31 @@ class RunLock:
             self._lock.release(force=True)
         self._lock = None
 
-    def holder(self) -> Note:
-        """Note of the process that holds the lock, as far as its note tells; empty if none does."""
-        for name in (CLAIM, HOLDER):
-            note = self._read(name)
-            if note and _living(note):
-                return note
-        return {}
+    def holder(self) -> Holder | None:
+        """The process that holds the lock, as far as its note tells; None if none does."""
+        notes = (self._read(name) for name in (CLAIM, HOLDER))
+        return next((note.holder for note in notes if note is not None and _living(note)), None)
 
     def _describe_holder(self) -> str:
         """One line that names the process which holds the lock, and what to do."""
         deadline = time.monotonic() + _PATIENCE
-        note = self.holder()
-        while not note and time.monotonic() < deadline:
+        holder = self.holder()
+        while holder is None and time.monotonic() < deadline:
             time.sleep(0.02)
-            note = self.holder()
+            holder = self.holder()
         wait = "wait until it ends, or stop it"
         claim = self.folder / CLAIM
         if claim.exists():
             wait += f" (if it has ended already, remove {claim})"
-        who = _person(note) if note else "another process"
-        return f"{self.folder.name}: locked by {who}: {wait}"
+        return f"{self.folder.name}: locked by {holder or 'another process'}: {wait}"
 
-    def _read(self, name: str) -> Note:
-        """Return a note, empty when there is none or it is no note."""
+    def _read(self, name: str) -> _Note | None:
+        """Return a note, None when there is none or it is no note."""
         try:
             note = parse_json(read_bytes(self.folder / name))
-        except (StoreError, ValueError):
-            return {}
-        return note if isinstance(note, dict) and {"pid", "host", "since"} <= note.keys() else {}
+            return _Note(Holder(note["pid"], note["host"], note["since"]), note.get("start"))
+        except (StoreError, ValueError, TypeError, KeyError, AttributeError):
+            return None
 
 
 def _file_lock(path: Path) -> BaseFileLock:
@@ -200,12 +217,6 @@ def _note() -> bytes:
     return json.dumps(note).encode() + b"\n"
 
 
-def _person(note: Note) -> str:
-    """A holder in words, on one line whatever its note says."""
-    words = f"process {note['pid']} on {note['host']} since {note['since']}"
-    return "".join(c if c.isprintable() else "?" for c in words)[:300]
-
-
 def _start(pid: int) -> str | None:
     """What tells a process from a later one with the same pid: the boot, and the moment of its start after
     it.
@@ -218,18 +229,18 @@ def _start(pid: int) -> str | None:
     return f"{boot} {fields[19]}"
 
 
-def _living(note: Note) -> bool:
+def _living(note: _Note) -> bool:
     """Whether a note can be of a living process; of another machine's nothing is known, which counts as
     living.
     """
-    if note["host"] != socket.gethostname():
+    if note.holder.host != socket.gethostname():
         return True
     try:
-        pid = int(note["pid"])
+        pid = int(note.holder.pid)
         os.kill(pid, 0)
     except ProcessLookupError:
         return False
     except (OSError, ValueError, OverflowError, TypeError):
         return True
     start = _start(pid)
-    return start is None or note.get("start") is None or note["start"] == start
+    return start is None or note.start is None or note.start == start

@@ -23,7 +23,7 @@ from typing import Any
 
 from ribbon_cli.errors import StoreError
 from ribbon_cli.store.atomic import is_passing, without_waiting, write_all, write_error
-from ribbon_cli.store.events import check_event
+from ribbon_cli.store.events import Event, read_event
 from ribbon_cli.store.root import named
 
 _TAIL = len(',"crc32":"01234567"}')
@@ -47,18 +47,18 @@ def to_json(value: Any) -> Any:
     return value
 
 
-def format_line(entry: dict[str, Any]) -> bytes:
-    """Return an entry's line: compact JSON whose last member is the CRC-32 of the object without it."""
-    body = json.dumps(to_json(entry), ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode()
+def format_line(document: dict[str, Any]) -> bytes:
+    """Return an event's line: compact JSON whose last member is the CRC-32 of the object without it."""
+    body = json.dumps(to_json(document), ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode()
     return body[:-1] + f',"crc32":"{zlib.crc32(body):08x}"}}\n'.encode()
 
 
-def parse_line(line: bytes) -> dict[str, Any]:
-    """Return an entry without its checksum. Raises ValueError for a damaged line."""
+def parse_line(line: bytes) -> Event:
+    """Return a line's event. Raises ValueError for a damaged line."""
     body = line[:-_TAIL] + b"}"
     if line[-_TAIL:] != f',"crc32":"{zlib.crc32(body):08x}"}}'.encode():
         raise ValueError("its checksum does not match")
-    return check_event(parse_json(body))
+    return read_event(parse_json(body))
 
 
 def parse_json(body: bytes) -> Any:
@@ -119,7 +119,7 @@ def read_lines(path: Path, start: int = 0) -> list[bytes]:
 
 @contextmanager
 def _all_is_kept() -> Iterator[None]:
-    """Leave out the search for cyclic garbage, which takes longer the more there is: entries have none."""
+    """Leave out the search for cyclic garbage, which takes longer the more there is: events have none."""
     was_on = gc.isenabled()
     gc.disable()
     try:
@@ -130,17 +130,17 @@ def _all_is_kept() -> Iterator[None]:
 
 
 class LogReader:
-    """A log's entries, of which only those are read that were appended since they were last asked for."""
+    """A log's events, of which only those are read that were appended since they were last asked for."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._entries: list[dict[str, Any]] = []
+        self._events: list[Event] = []
         self._end = 0
         self._last = b""
         self._seen: tuple[int, int, int] | None = None
 
-    def entries(self) -> list[dict[str, Any]]:
-        """Return the entries in order; not to be changed. Raises StoreError for a damaged line, naming it."""
+    def events(self) -> list[Event]:
+        """Return the events in order; not to be changed. Raises StoreError for a damaged line, naming it."""
         try:
             found = os.stat(self.path)
         except OSError as error:
@@ -150,10 +150,10 @@ class LogReader:
             grown = self._seen is not None and seen[0] == self._seen[0] and seen[1] > self._seen[1]
             self._seen = None
             if not (grown and self._read_on()):
-                self._entries, self._end, self._last = [], 0, b""
+                self._events, self._end, self._last = [], 0, b""
                 self._read_on()
             self._seen = seen
-        return self._entries
+        return self._events
 
     def look_again(self) -> None:
         """Open the log: only then does a network file system ask what other hosts appended to it.
@@ -179,9 +179,9 @@ class LogReader:
             return False
         with _all_is_kept():
             for line in lines[:-1] if lines and b"\0" in lines[-1] else lines:
-                number = len(self._entries) + 1
+                number = len(self._events) + 1
                 try:
-                    self._entries.append(parse_line(line))
+                    self._events.append(parse_line(line))
                 except ValueError as error:
                     raise StoreError(
                         f"{self.path}:{number}: damaged line: {error}; {_advice(self.path)}"
@@ -191,12 +191,12 @@ class LogReader:
         return True
 
 
-def salvage_log(path: Path) -> tuple[list[dict[str, Any]], int]:
-    """Return the entries of a damaged or missing log that can be read, and how many lines cannot.
+def salvage_log(path: Path) -> tuple[list[Event], int]:
+    """Return the events of a damaged or missing log that can be read, and how many lines cannot.
 
     Raises StoreError where the log may well be whole, but cannot be read now.
     """
-    entries: list[dict[str, Any]] = []
+    events: list[Event] = []
     lost = 0
     try:
         lines = read_lines(path)
@@ -206,18 +206,18 @@ def salvage_log(path: Path) -> tuple[list[dict[str, Any]], int]:
         return [], 0
     for line in lines:
         try:
-            entries.append(parse_line(line))
+            events.append(parse_line(line))
         except ValueError:
             lost += 1
-    return entries, lost
+    return events, lost
 
 
-def append_log(path: Path, entries: Iterable[dict[str, Any]]) -> None:
-    """Append entries behind the last whole line and sync.
+def append_log(path: Path, documents: Iterable[dict[str, Any]]) -> None:
+    """Append events behind the last whole line and sync.
 
     Raises StoreError, after cutting off what was written of them.
     """
-    data = b"".join(map(format_line, entries))
+    data = b"".join(map(format_line, documents))
     try:
         descriptor = os.open(path, os.O_RDWR | os.O_APPEND | os.O_CLOEXEC)
         try:

@@ -9,16 +9,15 @@ import zipfile
 import zlib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import numpy as np
 
 from ribbon_cli.errors import StoreError
 from ribbon_cli.store.atomic import write_atomic
 from ribbon_cli.store.content import content_sha256
 from ribbon_cli.store.hdf5 import MAX_BYTES
 from ribbon_cli.store.record import StateRecord
-
-if TYPE_CHECKING:
-    import numpy as np
 
 UNKNOWN = -1
 """Stands for an undetermined `negative_eigenvalues`: npz has no None."""
@@ -60,8 +59,6 @@ def export_npz(record: StateRecord, path: str | Path, overwrite: bool = False) -
     The same record gives the same bytes. Raises StoreError when the file exists and is not to be overwritten,
     or cannot be written.
     """
-    import numpy as np
-
     fields: dict[str, Any] = {name: getattr(record, name) for name in ARRAYS}
     for name in SCALARS:
         value = getattr(record, name)
@@ -75,8 +72,6 @@ def write_arrays(path: str | Path, fields: Mapping[str, Any], overwrite: bool = 
 
     Raises StoreError when the file exists and is not to be overwritten, or cannot be written.
     """
-    import numpy as np
-
     buffer = io.BytesIO()
     np.savez(buffer, **fields)
     write_atomic(path, buffer.getvalue(), overwrite=overwrite)
@@ -104,8 +99,6 @@ def load_npz(path: str | Path) -> dict[str, Any]:
 
 def _read_member(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> np.ndarray[Any, Any]:
     """Read one array, whose size is checked before anything is allocated. Raises ValueError."""
-    import numpy as np
-
     if info.file_size > MAX_BYTES or info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
         raise ValueError(f"{info.filename} is too large, or packed in a way that NumPy does not use")
     stream = io.BytesIO(archive.read(info))
@@ -122,8 +115,6 @@ def _read_member(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> np.ndarray[
 
 def _check(found: dict[str, np.ndarray[Any, Any]]) -> dict[str, Any]:
     """Check shapes, ranges and that all is finite; return plain values. Raises ValueError."""
-    import numpy as np
-
     missing = [name for name in ("u", "g", "xi", "half_width", "sigma") if name not in found]
     if missing:
         raise ValueError(f"it has no {', '.join(missing)}")

@@ -11,24 +11,24 @@ import re
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import h5py
+import numpy as np
+from h5py import h5a, h5ds, h5f, h5fd, h5g, h5o, h5p
 
 from ribbon_cli.errors import StoreError, UsageError
 from ribbon_cli.store import log
 from ribbon_cli.store.atomic import publish, temporary_name, write_durable, write_error
-from ribbon_cli.store.events import removed
+from ribbon_cli.store.events import Created, Entry, removed
 from ribbon_cli.store.folder import CONFIG, LOG, RESOLVED, STATES, place, state_name
 from ribbon_cli.store.hdf5 import MAX_BYTES, PACK, UNREADABLE, check_dataset, read_bytes, text_attribute
 from ribbon_cli.store.hdf5 import write_text_attribute as write_text
 from ribbon_cli.store.run import Run
 
-if TYPE_CHECKING:
-    import h5py
-
 FORMAT = PACK
 FORMAT_VERSION = "1.1"
 _RUN_NAME = re.compile(r"\w[\w.-]{0,200}-[0-9a-f]{8}(\.old-\d{1,6})?")
-_STATE = re.compile(r"\d{4,12}\.h5")
 _LOOK = "states"
 """Group with a copy of each state's datasets; for people and viewers, never read back."""
 _FILES = "files"
@@ -125,8 +125,6 @@ class _Sink(io.FileIO):
 
 def _create(sink: _Sink) -> h5py.h5f.FileID:
     """A new HDF5 file in a sink. Its driver's settings end here: freed after Python, they crash."""
-    from h5py import h5f, h5fd, h5p
-
     creation = h5p.create(h5p.FILE_CREATE)
     creation.set_obj_track_times(False)
     access = h5p.create(h5p.FILE_ACCESS)
@@ -137,9 +135,6 @@ def _create(sink: _Sink) -> h5py.h5f.FileID:
 
 def _write_to(run: Run, sink: _Sink) -> int:
     """Write the whole file. Raises OSError, StoreError."""
-    import h5py
-    from h5py import h5f, h5g, h5p
-
     entries = run.entries()
     lines = read_bytes(run.log_path)
     with h5py.File(_create(sink)) as file:
@@ -154,7 +149,7 @@ def _write_to(run: Run, sink: _Sink) -> int:
         _write_file(file, LOG, lines[: lines.rfind(b"\n") + 1])
         for label, entry in entries.items():
             sink.check()
-            data = run.committed_bytes(label, entry)
+            data = run.committed_bytes(entry)
             _write_file(file, state_name(label), data)
             with h5py.File(h5f.open_file_image(data)) as state:
                 state.copy("/", file, f"{_LOOK}/{label:04d}")
@@ -167,9 +162,6 @@ def _attach_scales(state: h5py.File, copy: h5py.Group) -> None:
 
     HDF5 copies an attachment as a reference to where the scale was in the other file, which leads nowhere.
     """
-    import h5py
-    from h5py import h5a, h5ds, h5o
-
     paths: list[bytes] = []
     h5o.visit(state.id, paths.append)
     copies = {path: h5o.open(copy.id, path) for path in paths}
@@ -188,8 +180,6 @@ def _attach_scales(state: h5py.File, copy: h5py.Group) -> None:
 
 def _write_file(file: h5py.File, name: str, data: bytes) -> None:
     """Put a file's bytes into a dataset."""
-    import numpy as np
-
     bytes_ = np.frombuffer(data, dtype=np.uint8)
     options: dict[str, Any] = {"chunks": (len(data),), "fletcher32": True} if data else {}
     file.create_dataset(f"{_FILES}/{name}", data=bytes_, track_times=False, **options)
@@ -237,7 +227,6 @@ def read_pack(path: Path) -> tuple[str, Iterator[tuple[str, bytes]]]:
 
 
 def _run_name(path: Path) -> str:
-    import h5py
 
     with h5py.File(path, "r") as file:
         if text_attribute(file, "format") != FORMAT:
@@ -254,22 +243,18 @@ def _run_name(path: Path) -> str:
 
 
 def _files(path: Path) -> Iterator[tuple[str, bytes]]:
-    import h5py
 
     try:
         with h5py.File(path, "r") as file:
             lines = _read_file(file, LOG)
-            entries = [log.parse_line(line) for line in lines.split(b"\n")[:-1]]
-            if not entries or entries[0]["event"] != "created" or not lines.endswith(b"\n"):
+            events = [log.parse_line(line) for line in lines.split(b"\n")[:-1]]
+            if not events or not isinstance(events[0], Created) or not lines.endswith(b"\n"):
                 raise ValueError("its log does not begin as a run's")
-            hashes = {name: entries[0]["files"][name] for name in (CONFIG, RESOLVED)}
-            gone = removed(entries)
-            for entry in entries:
-                if entry["event"] == "state" and entry["state"]["label"] not in gone:
-                    name = str(entry["file"])
-                    if not _STATE.fullmatch(name.removeprefix(f"{STATES}/")):
-                        raise ValueError(f"its log names the file {name!r}")
-                    hashes[name] = entry["sha256"]
+            hashes = {name: events[0].files[name] for name in (CONFIG, RESOLVED)}
+            gone = removed(events)
+            for event in events:
+                if isinstance(event, Entry) and event.state.label not in gone:
+                    hashes[state_name(event.state.label)] = event.sha256
             yield LOG, lines
             for name, committed in hashes.items():
                 data = _read_file(file, name)
@@ -282,8 +267,6 @@ def _files(path: Path) -> Iterator[tuple[str, bytes]]:
 
 def _read_file(file: h5py.File, name: str) -> bytes:
     """Bytes of a file in a pack. Raises ValueError for a dataset that is not plain bytes within the file."""
-    import h5py
-
     node: Any = file
     where = f"{_FILES}/{name}"
     for part in where.split("/"):
@@ -292,7 +275,7 @@ def _read_file(file: h5py.File, name: str) -> bytes:
         node = node[part]
     if not isinstance(node, h5py.Dataset) or node.dtype != "u1" or len(node.shape or ()) != 1:
         raise ValueError(f"{where} does not hold bytes")
-    check_dataset(where, node, ("u1",))
+    check_dataset(where, node.id, ("u1",))
     if node.size > MAX_BYTES:
         raise ValueError(f"{where} is larger than any file of a run")
     return bytes(node[()].tobytes())

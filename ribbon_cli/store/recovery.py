@@ -12,9 +12,10 @@ from pathlib import Path
 from typing import Any
 
 from ribbon_cli.errors import StoreError
+from ribbon_cli.facts import kinds_of
 from ribbon_cli.store import configs, log
 from ribbon_cli.store.atomic import TEMPORARY, is_passing, put_aside, unused_name, write_atomic, write_error
-from ribbon_cli.store.events import removed
+from ribbon_cli.store.events import Created, Entry, Event, removed
 from ribbon_cli.store.folder import (
     LOG,
     STATES,
@@ -28,10 +29,10 @@ from ribbon_cli.store.hdf5 import decode_bytes, read_bytes
 from ribbon_cli.store.preamble import check_seal, check_version
 from ribbon_cli.store.record import StateRecord
 from ribbon_cli.store.root import named
-from ribbon_cli.store.summaries import completed, describe
+from ribbon_cli.store.summaries import Summary
 
 
-def sweep(folder: Path, events: Sequence[Mapping[str, Any]]) -> list[str]:
+def sweep(folder: Path, events: Sequence[Event]) -> list[str]:
     """Clear what a killed writer left in a run's folder, and return a line for each thing done.
 
     `events` are the log's, read under the lock. Temporary files go; a torn last line of the log is cut off; a
@@ -54,8 +55,8 @@ def sweep(folder: Path, events: Sequence[Mapping[str, Any]]) -> list[str]:
     gone, files = removed(events), _files(folder)
     for label in sorted(gone.keys() & files.keys()):
         notes.append(_delete_removed(files.pop(label), gone[label]))
-    states = (entry["state"] for entry in events if entry["event"] == "state")
-    known = {state["label"]: state["kind"] for state in states if state["label"] not in gone}
+    states = (event.state for event in events if isinstance(event, Entry))
+    known = {state.label: state.kind for state in states if state.label not in gone}
     adopted, more = _adopt(files, known.keys())
     notes += more
     for label in sorted(known.keys() - files.keys())[:1]:
@@ -68,15 +69,16 @@ def sweep(folder: Path, events: Sequence[Mapping[str, Any]]) -> list[str]:
     configs.require(folder, events)
     if notes:
         # One by one: each is whole, or the last.
-        for entry in [*adopted, {"event": "recovered", "time": log.utc_now(), "notes": notes}]:
-            log.append_log(folder / LOG, [entry])
+        done = {"event": "recovered", "time": log.utc_now(), "notes": notes}
+        for document in [*(entry.document for entry in adopted), done]:
+            log.append_log(folder / LOG, [document])
     return notes
 
 
-def _delete_removed(path: Path, entry: Mapping[str, Any]) -> str:
+def _delete_removed(path: Path, entry: Entry) -> str:
     """Delete the file of a state that was removed, if it is that, and say so. Raises StoreError."""
     try:
-        if hashlib.sha256(_read(path)).hexdigest() != entry["sha256"]:
+        if hashlib.sha256(_read(path)).hexdigest() != entry.sha256:
             raise ValueError("its state was removed, and it is another")
         os.unlink(path)
     except ValueError as error:
@@ -86,7 +88,7 @@ def _delete_removed(path: Path, entry: Mapping[str, Any]) -> str:
     return f"deleted {path.name}, whose state was removed"
 
 
-def _adopt(files: Mapping[int, Path], known: Collection[int]) -> tuple[list[dict[str, Any]], list[str]]:
+def _adopt(files: Mapping[int, Path], known: Collection[int]) -> tuple[list[Event], list[str]]:
     """Entries for whole states that are not known, and notes; what is no whole state is renamed."""
     entries, notes = [], []
     for label, path in files.items():
@@ -109,7 +111,7 @@ def _files(folder: Path) -> dict[int, Path]:
         raise StoreError(f"{folder / STATES}: cannot be read: {error.strerror}") from error
 
 
-def _entry_from_file(label: int, path: Path) -> dict[str, Any]:
+def _entry_from_file(label: int, path: Path) -> Event:
     """Entry, marked as adopted, for a state that has none.
 
     The seal in its head vouches for the file; one of 1.0, without, is read. Raises ValueError unless it is
@@ -119,7 +121,7 @@ def _entry_from_file(label: int, path: Path) -> dict[str, Any]:
     state = _summary(data, path)
     if state.get("label") != label:
         raise ValueError(f"it holds state {state.get('label')}")
-    return _readable(state_entry(state, data)) | {"adopted": True}
+    return _readable(state_entry(state, data) | {"adopted": True})
 
 
 def _summary(data: bytes, path: Path) -> dict[str, Any]:
@@ -128,13 +130,12 @@ def _summary(data: bytes, path: Path) -> dict[str, Any]:
     Raises ValueError for a damaged file, StoreError for one of a newer format, which is none.
     """
     check_version(data, str(path))
-    return check_seal(data) or describe(_decoded(data, path))
+    return check_seal(data) or Summary.of(_decoded(data, path)).to_dict()
 
 
-def _readable(entry: dict[str, Any]) -> dict[str, Any]:
-    """An entry that readers of the log will take. Raises ValueError: seals vouch for bytes, not for sense."""
-    log.parse_line(log.format_line(entry)[:-1])
-    return entry
+def _readable(document: dict[str, Any]) -> Event:
+    """What readers of the log will take. Raises ValueError: seals vouch for bytes, not for sense."""
+    return log.parse_line(log.format_line(document)[:-1])
 
 
 def repair(folder: Path) -> list[str]:
@@ -147,72 +148,78 @@ def repair(folder: Path) -> list[str]:
     what is in order is left alone. Raises StoreError.
     """
     path = folder / LOG
-    entries, unreadable = log.salvage_log(path)
+    events, unreadable = log.salvage_log(path)
     lines = f"{unreadable} damaged line{'s' * (unreadable != 1)}"
     notes = [f"dropped {lines} of the log"] if unreadable else []
-    created = next((entry for entry in entries if entry["event"] == "created"), None)
-    if created is not None:
-        check_run_version(folder, created)
-    if created is not None and [entry for entry in entries if entry["event"] == "created"] != entries[:1]:
-        entries = [created, *(entry for entry in entries if entry["event"] != "created")]
+    created = [event for event in events if isinstance(event, Created)][:1]
+    for first in created:
+        check_run_version(folder, first)
+    rest = [event for event in events if not isinstance(event, Created)]
+    if created and [*created, *rest] != events:
         notes.append("made the event `created` the first line of the log, and the only one of its kind")
-    hashes, states = configs.committed(entries), _files(folder).values()
+    hashes, states = configs.committed(created), _files(folder).values()
     if other := configs.contradiction(folder, hashes, states):
-        del entries[0]
-        created, hashes = None, other
+        created, hashes = [], other
         notes.append("dropped the first line of the log: it names a config that none of the states came of")
     notes += configs.restore(folder, hashes, states)
-    if created is None:
-        entries.insert(0, created_entry(configs.present(folder)) | {"rebuilt": True})
+    if created:
+        first_line = created[0].document
+    else:
+        first_line = created_entry(configs.present(folder)) | {"rebuilt": True}
         notes.append("made a new first line of the log")
-    kept, seen, there, gone = [], set(), _files(folder).keys(), removed(entries)
-    for entry in entries:
-        if entry["event"] == "state":
-            label = entry["state"]["label"]
+    kept, more = _checked_lines(folder, rest)
+    known = {event.state.label for event in kept if isinstance(event, Entry)}
+    adopted, others = _adopt(_files(folder), known)
+    notes += [*more, *others]
+    if notes:
+        done = {"event": "rebuilt", "time": log.utc_now(), "notes": notes}
+        _replace(path, [first_line, *(event.document for event in (*kept, *adopted)), done])
+    return notes
+
+
+def _checked_lines(folder: Path, events: Sequence[Event]) -> tuple[list[Event], list[str]]:
+    """The lines of a log as they should be, and a note on each that was another."""
+    kept, notes, seen = list[Event](), list[str](), set[int]()
+    there, gone = _files(folder).keys(), removed(events)
+    for event in events:
+        if isinstance(event, Entry):
+            label = event.state.label
             if label in seen:
                 notes.append(f"dropped a second line on state {label}")
                 continue
             seen.add(label)
-            if label in gone:  # a file that is left is the next writer's to delete
-                kept.append(entry)
-                continue
-        entry, note = _checked_entry(folder, entry, there)
-        kept.append(entry)
-        notes += [note] if note else []
-    known = {entry["state"]["label"] for entry in kept if entry["event"] == "state"}
-    adopted, more = _adopt(_files(folder), known)
-    notes += more
-    if notes:
-        done = {"event": "rebuilt", "time": log.utc_now(), "notes": notes}
-        _replace(path, [*kept, *adopted, done])
-    return notes
+            if label not in gone:  # else a file that is left is the next writer's to delete
+                event, note = _checked_entry(folder, event, there)
+                notes += [note] if note else []
+        kept.append(event)
+    return kept, notes
 
 
-def _checked_entry(folder: Path, entry: dict[str, Any], there: Collection[int]) -> tuple[dict[str, Any], str]:
+def _checked_entry(folder: Path, entry: Entry, there: Collection[int]) -> tuple[Event, str]:
     """An entry as it should be, and a note where that is another; a state's file is put aside if damaged.
 
     A file is missing where the folder does not list it: one that may not be looked at is `there`.
     """
-    if entry["event"] != "state":
-        return entry, ""
-    label = entry["state"]["label"]
+    label = entry.state.label
     path = folder / state_name(label)
+    lost = entry.document | {"event": "state-lost", "label": label}
     if label not in there:
-        lost = {**entry, "event": "state-lost", "label": label, "reason": "its file is missing"}
-        return lost, f"{state_name(label)} is missing: marked as lost"
+        event = _readable(lost | {"reason": "its file is missing"})
+        return event, f"{state_name(label)} is missing: marked as lost"
     try:
         data = _read(path)
-        if hashlib.sha256(data).hexdigest() != entry["sha256"]:
+        if hashlib.sha256(data).hexdigest() != entry.sha256:
             raise ValueError("not the bytes that were committed")
         state = _summary(data, path)
-        if state == completed(entry["state"]):
+        kinds = {"event_kinds": list(kinds_of(entry.state.events))}  # earlier formats lack them
+        if kinds | state == kinds | entry.document["state"]:
             return entry, ""
-        anew = _readable(state_entry(state, data) | {"time": entry["time"]})
+        anew = _readable(state_entry(state, data) | {"time": entry.time})
         return anew, f"wrote the line on state {label} anew"
     except ValueError as error:
         target = put_aside(path)
-        lost = {**entry, "event": "state-lost", "label": label, "reason": f"damaged, now {target.name}"}
-        return lost, f"renamed {path.name} to {target.name}: {error}"
+        event = _readable(lost | {"reason": f"damaged, now {target.name}"})
+        return event, f"renamed {path.name} to {target.name}: {error}"
 
 
 def _read(path: Path) -> bytes:
@@ -237,10 +244,10 @@ def _decoded(data: bytes, path: Path) -> StateRecord:
         raise ValueError(str(error)) from error
 
 
-def _replace(path: Path, entries: list[dict[str, Any]]) -> None:
+def _replace(path: Path, documents: list[dict[str, Any]]) -> None:
     """Replace a log in one step, keeping the old one under another name. Raises StoreError."""
     if path.is_file():
         write_atomic(unused_name(path, "old"), read_bytes(path))
     elif os.path.lexists(path):
         put_aside(path)
-    write_atomic(path, b"".join(map(log.format_line, entries)), overwrite=True)
+    write_atomic(path, b"".join(map(log.format_line, documents)), overwrite=True)

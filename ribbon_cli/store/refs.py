@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import difflib
+import math
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 from ribbon_cli.errors import UsageError
 from ribbon_cli.expression import evaluate
-from ribbon_cli.facts import TOLERANCE
+from ribbon_cli.facts import same_width
 from ribbon_cli.store.folder import is_run
 from ribbon_cli.store.root import named
 from ribbon_cli.store.run import Run
+from ribbon_cli.store.summaries import Summary
 
-WIDTH_TOLERANCE = TOLERANCE
-"""Relative difference up to which `@b=` matches a half-width."""
 _FILES = (".h5", ".hdf5", ".npz")
 _SHOWN = 12
 """Most names or values that a message lists."""
@@ -99,10 +99,10 @@ def resolve_state(
     name, at, query = ref.partition("@")
     if at:
         run = find_run(root, name)
-        state, choice = choose(run, _parse_query(ref, query))
+        state, choice = select(run, *_parse_query(ref, query))
         if tell is not None and choice:
             tell(f"{ref}: {choice}")
-        return run, int(state["label"]), run.state_path(state["label"])
+        return run, state.label, run.state_path(state.label)
     name, colon, text = ref.rpartition(":")
     if not colon:
         run = find_run(root, ref)
@@ -117,16 +117,15 @@ def resolve_state(
     return run, label, run.state_path(label)
 
 
-def find_states(root: str | Path, ref: str, all: bool = False) -> tuple[Run, list[dict[str, Any]]]:
+def find_states(root: str | Path, ref: str, all: bool = False) -> tuple[Run, list[Summary]]:
     """Return a run and the summaries of its equilibria, or of `all` its states: those that `ref` names.
 
     `ref` is a run, or RUN@b=0.5,N=400 with either part left out. Raises UsageError.
     """
     name, at, query = ref.partition("@")
-    wanted = _parse_query(ref, query) if at else {}
+    b, segments = _parse_query(ref, query) if at else (None, None)
     run = find_run(root, name)
-    states = [state for state in run.states(all=all) if _has_width(state, wanted.get("b"))]
-    return run, [state for state in states if state["segments"] == wanted.get("N", state["segments"])]
+    return run, [state for state in run.states(all=all) if _is_at(state, b, segments)]
 
 
 def _from_path(path: Path) -> tuple[Run | None, int | None, Path]:
@@ -149,9 +148,9 @@ def _parse_label(ref: str, text: str) -> int:
     return int(text)
 
 
-def _parse_query(ref: str, query: str) -> dict[str, float]:
-    """The parts of `b=0.5,N=400`; b may be spelled as in a config, `b=pi/6`. Raises UsageError."""
-    wanted: dict[str, float] = {}
+def _parse_query(ref: str, query: str) -> tuple[float | None, int | None]:
+    """b and N of `b=0.5,N=400`; b may be spelled as in a config, `b=pi/6`. Raises UsageError."""
+    wanted: dict[str, Any] = {}
     for part in query.split(","):
         key, _, text = (piece.strip() for piece in part.partition("="))
         if key not in ("b", "N") or key in wanted:
@@ -161,19 +160,19 @@ def _parse_query(ref: str, query: str) -> dict[str, float]:
         except ValueError as error:
             why = f" ({error})" if key == "b" else ""
             raise UsageError(f"{ref!r}: {key} must be a number, got {text!r}{why}") from None
-    return wanted
+    return wanted.get("b"), wanted.get("N")
 
 
-def choose(run: Run, wanted: Mapping[str, float]) -> tuple[dict[str, Any], str]:
-    """The equilibrium that `wanted`, with keys b and N or one of them, means: the one rule for what is typed
-    and for what programs ask for.
+def select(run: Run, b: float | None = None, segments: int | None = None) -> tuple[Summary, str]:
+    """The equilibrium that a half-width, N or both mean: the one rule for what is typed and for what programs
+    ask for.
 
     With it comes a sentence on which was taken, and why that one; empty where there was no choice, and the
     state is certified. Raises UsageError, saying what there is instead, when there is none.
     """
-    fitting = _fitting(run, wanted)
+    fitting = _fitting(run, b, segments)
     state = meant(fitting)
-    told = "N" not in wanted or len(fitting) > 1 or not state["certified"]
+    told = segments is None or len(fitting) > 1 or not state.certified
     return state, _choice(state, fitting) if told else ""
 
 
@@ -182,51 +181,60 @@ def no_equilibria(run: Run) -> str:
     return f"{run.name} has no equilibria yet; `ribbon ls {typed(run)} --all` lists its states"
 
 
-def meant(states: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """Of equilibria in the order stored the one that stands for them: the latest of the finest certified
-    ones, where none is certified the latest of the finest.
+def meant(states: Sequence[Summary]) -> Summary:
+    """Of states in the order stored the one that stands for them: the latest of the finest certified ones,
+    where none is certified the latest of the finest.
     """
-    certified = [state for state in states if state["certified"]]
-    return max(reversed(certified or states), key=lambda state: state["segments"])
+    certified = [state for state in states if state.certified]
+    return max(reversed(certified or states), key=lambda state: state.segments)
 
 
-def _choice(taken: dict[str, Any], fitting: Sequence[dict[str, Any]]) -> str:
+def by_place(states: Iterable[Summary]) -> dict[tuple[float, int], list[Summary]]:
+    """States by half-width and N, in this order; those of one place in the order stored."""
+    places: dict[tuple[float, int], list[Summary]] = {}
+    width = -math.inf
+    for state in sorted(states, key=lambda state: state.half_width):
+        if not same_width(width, state.half_width):
+            width = state.half_width
+        places.setdefault((width, state.segments), []).append(state)
+    return {place: sorted(places[place], key=lambda state: state.label) for place in sorted(places)}
+
+
+def _choice(taken: Summary, fitting: Sequence[Summary]) -> str:
     """Which of the equilibria that fit a reference was taken, and why that one."""
-    rivals = [state for state in fitting if state["certified"] == taken["certified"]]
-    alike = [state for state in rivals if state["segments"] == taken["segments"]]
+    rivals = [state for state in fitting if state.certified == taken.certified]
+    alike = [state for state in rivals if state.segments == taken.segments]
     words = ["finest"] * (len(alike) < len(rivals)) + ["latest"] * (len(alike) > 1)
     which = f"the {' and '.join(words) or 'only'}"
     among = "that fits" if len(fitting) == 1 else f"of {len(fitting)} that fit"
-    if taken["certified"]:
+    if taken.certified:
         why = f"{which} one {among}" if len(fitting) == 1 else f"{which} certified one {among}"
     else:
         why = f"{which} one {among}, without certificate" + ("" if len(fitting) == 1 else " like the others")
-    place = f"b = {taken['half_width']:.10g}, N = {taken['segments']}"
-    return f"state {taken['label']} is taken ({place}), {why}"
+    place = f"b = {taken.half_width:.10g}, N = {taken.segments}"
+    return f"state {taken.label} is taken ({place}), {why}"
 
 
-def _fitting(run: Run, wanted: Mapping[str, float]) -> list[dict[str, Any]]:
-    """The equilibria that a query fits, at least one. Raises UsageError."""
+def _fitting(run: Run, b: float | None, segments: int | None) -> list[Summary]:
+    """The equilibria at a half-width, of one N or both, at least one. Raises UsageError."""
     states = run.states()
     if not states:
         raise UsageError(no_equilibria(run))
-    at_width = [state for state in states if _has_width(state, wanted.get("b"))]
+    at_width = [state for state in states if _is_at(state, b)]
     if not at_width:
-        widths = _join(f"{b:.10g}" for b in sorted({state["half_width"] for state in states}))
-        raise UsageError(f"{run.name} has no equilibrium with b = {wanted['b']:.10g}: it has b = {widths}")
-    fitting = [state for state in at_width if state["segments"] == wanted.get("N", state["segments"])]
+        widths = _join(f"{b:.10g}" for b in sorted({state.half_width for state in states}))
+        raise UsageError(f"{run.name} has no equilibrium with b = {b:.10g}: it has b = {widths}")
+    fitting = [state for state in at_width if _is_at(state, None, segments)]
     if not fitting:
-        segments = _join(map(str, sorted({state["segments"] for state in at_width})))
-        where = f"b = {wanted['b']:.10g} and " if "b" in wanted else ""
-        raise UsageError(
-            f"{run.name} has no equilibrium with {where}N = {wanted['N']}: it has N = {segments}"
-        )
+        meshes = _join(map(str, sorted({state.segments for state in at_width})))
+        where = "" if b is None else f"b = {b:.10g} and "
+        raise UsageError(f"{run.name} has no equilibrium with {where}N = {segments}: it has N = {meshes}")
     return fitting
 
 
-def _has_width(state: dict[str, Any], b: float | None) -> bool:
-    """Whether a state has the half-width asked for."""
-    return b is None or abs(state["half_width"] - b) <= WIDTH_TOLERANCE * abs(b)
+def _is_at(state: Summary, b: float | None = None, segments: int | None = None) -> bool:
+    """Whether a state has the half-width and the N asked for."""
+    return (b is None or same_width(state.half_width, b)) and segments in (None, state.segments)
 
 
 def _join(words: Iterable[str]) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 from pathlib import Path
 
 
@@ -18,6 +19,5 @@ def named(folder: Path) -> str:
     """
     if os.path.abspath(folder.parent) == os.path.abspath(runs_root()):
         return folder.name
-    import shlex
 
     return shlex.quote(str(folder))

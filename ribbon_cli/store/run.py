@@ -18,7 +18,7 @@ from typing import Any
 from ribbon_cli.errors import StoreError, UsageError
 from ribbon_cli.store import log
 from ribbon_cli.store.atomic import TEMPORARY, is_passing, sync_folder, write_atomic, write_error
-from ribbon_cli.store.events import LABELS, REMOVED
+from ribbon_cli.store.events import REMOVED, Created, Entry, Event, Lost, Removed
 from ribbon_cli.store.folder import (
     CONFIG,
     LOG,
@@ -35,12 +35,11 @@ from ribbon_cli.store.folder import (
     state_name,
 )
 from ribbon_cli.store.hdf5 import decode_bytes, encode, read_bytes
-from ribbon_cli.store.lock import RunLock
+from ribbon_cli.store.lock import Holder, RunLock
 from ribbon_cli.store.record import StateRecord
 from ribbon_cli.store.recovery import repair, sweep
 from ribbon_cli.store.root import named
-from ribbon_cli.store.stored import StoredRecord
-from ribbon_cli.store.summaries import agrees, describe, summary
+from ribbon_cli.store.summaries import LABELS, Summary
 
 _NAME = re.compile(r"\w[\w.-]*")
 _HASH = re.compile(r"[0-9a-f]{8}")
@@ -53,8 +52,8 @@ class Run:
         self.path = path
         self._lock = RunLock(path)
         self._log = log.LogReader(path / LOG)
-        self._events: list[dict[str, Any]] = []
-        self._entries: dict[int, dict[str, Any]] = {}
+        self._events: list[Event] = []
+        self._entries: dict[int, Entry] = {}
         self._indexed = 0
         self._next = 0
         self._compared: dict[int, str] = {}
@@ -130,18 +129,18 @@ class Run:
         path = Path(path)
         return label_of(path.name) if path.resolve().parent == (self.path / STATES).resolve() else None
 
-    def holder(self) -> dict[str, Any]:
-        """Who writes to the run now, as pid, host and since; empty if nobody does. Takes no lock."""
+    def holder(self) -> Holder | None:
+        """Who writes to the run now; None if nobody does. Takes no lock."""
         return self._lock.holder()
 
     # Reading
 
-    def events(self) -> list[dict[str, Any]]:
-        """Every entry of the log in order, states included.
+    def events(self) -> list[Event]:
+        """Every line of the log in order, states included.
 
         Raises StoreError for a damaged log, or a run of a newer format.
         """
-        events = self._log.entries()
+        events = self._log.events()
         if events is not self._events:
             self._events, self._entries, self._indexed = events, {}, 0
         for event in events[self._indexed :]:
@@ -149,21 +148,21 @@ class Run:
         self._indexed = len(events)
         return events
 
-    def _take_in(self, event: dict[str, Any]) -> None:
+    def _take_in(self, event: Event) -> None:
         """Index an event of the log. Raises StoreError for a run of a newer format."""
-        if event["event"] == "state":
-            label = event["state"]["label"]
+        if isinstance(event, Entry):
+            label = event.state.label
             later = bool(self._entries) and next(reversed(self._entries)) > label
             self._entries[label] = event
             if later:  # a state that was adopted after others
                 self._entries = dict(sorted(self._entries.items()))
-        elif event["event"] == REMOVED:
-            for label in event["labels"]:
+        elif isinstance(event, Removed):
+            for label in event.labels:
                 self._entries.pop(label, None)
-        elif event["event"] == "created":
+        elif isinstance(event, Created):
             check_run_version(self.path, event)
 
-    def entries(self) -> dict[int, dict[str, Any]]:
+    def entries(self) -> dict[int, Entry]:
         """The log's entry of every state by label, ascending; not to be changed.
 
         Raises StoreError as `events` does.
@@ -171,10 +170,10 @@ class Run:
         self.events()
         return self._entries
 
-    def states(self, all: bool = False) -> list[dict[str, Any]]:
+    def states(self, all: bool = False) -> list[Summary]:
         """Summaries of the equilibria, or of all states, in the order reached; opens no state file."""
-        summaries = (summary(entry, self.name) for entry in self.entries().values())
-        return [state for state in summaries if all or state["kind"] == "equilibrium"]
+        entries = self.entries().values()
+        return [entry.state for entry in entries if all or entry.state.kind == "equilibrium"]
 
     def load(self, label: int) -> StateRecord:
         """Read a state.
@@ -182,21 +181,21 @@ class Run:
         Raises UsageError for a label that the run does not have, StoreError when the file is not the one
         committed.
         """
-        return self.load_entry(label, self._entry(label))
+        return self.load_entry(self._entry(label))
 
-    def look_up(self, label: int) -> StateRecord:
-        """A state whose file is taken apart only when more than its summary is asked for.
+    def look_up(self, label: int) -> Summary:
+        """The summary of a state whose file is there as it was committed: its hash is compared the first
+        time.
 
-        Its hash is compared the first time. Raises UsageError, StoreError where the file is not what was
-        committed.
+        Raises UsageError, StoreError where the file is another.
         """
         entry = self._entries.get(label) or self._entry(label)  # what was committed stays as it is
-        if self._compared.get(label) != entry["sha256"]:
-            self.committed_bytes(label, entry)
-            self._compared[label] = entry["sha256"]
-        return StoredRecord.of(entry["state"], lambda: self.load_entry(label, entry))
+        if self._compared.get(label) != entry.sha256:
+            self.committed_bytes(entry)
+            self._compared[label] = entry.sha256
+        return entry.state
 
-    def _entry(self, label: int) -> dict[str, Any]:
+    def _entry(self, label: int) -> Entry:
         """The log's entry of a state.
 
         Raises UsageError for a label that the run does not have, StoreError.
@@ -224,32 +223,32 @@ class Run:
                 else:
                     found[label] = "damaged" if os.path.lexists(path) else "missing"
                 continue
-            if hashlib.sha256(data).hexdigest() != entries[label]["sha256"]:
+            if hashlib.sha256(data).hexdigest() != entries[label].sha256:
                 found[label] = "damaged"
         return found
 
     def check_file(self, label: int) -> None:
         """Check a state's file against the log and the log's summary against the file. Raises StoreError."""
         entry = self._entry(label)
-        record = self.load_entry(label, entry)
-        if not agrees(entry["state"], record):
+        if Summary.of(self.load_entry(entry)) != entry.state:
             raise StoreError(
                 f"{self.log_path}: its line on state {label} is not what {self.state_path(label)} holds"
             )
 
-    def load_entry(self, label: int, entry: dict[str, Any]) -> StateRecord:
+    def load_entry(self, entry: Entry) -> StateRecord:
         """Read the state of an entry; its hash is checked before HDF5 sees a byte. Raises StoreError."""
-        path = self.state_path(label)
-        record = decode_bytes(self.committed_bytes(label, entry), str(path))
-        if record.label != label:
+        path = self.state_path(entry.state.label)
+        record = decode_bytes(self.committed_bytes(entry), str(path))
+        if record.label != entry.state.label:
             raise StoreError(f"{path}: damaged: it holds state {record.label}")
         return record
 
-    def committed_bytes(self, label: int, entry: dict[str, Any]) -> bytes:
+    def committed_bytes(self, entry: Entry) -> bytes:
         """Bytes of a state's file. Raises StoreError where they are not those that were committed."""
-        path = f"{self.path}/{state_name(label)}"  # a Path takes longer to make than the file to hash
+        # Not as a Path, which takes longer to make than the file to hash.
+        path = f"{self.path}/{state_name(entry.state.label)}"
         data = read_bytes(path)
-        if hashlib.sha256(data).hexdigest() != entry["sha256"]:
+        if hashlib.sha256(data).hexdigest() != entry.sha256:
             advice = f"`ribbon repair {named(self.path)}` puts it aside"
             raise StoreError(f"{path}: damaged: not the bytes that were committed; {advice}")
         return data
@@ -298,8 +297,8 @@ class Run:
         """Label that the next commit must have."""
         return self._next if self._lock.held else self._find_next_label()
 
-    def commit(self, record: StateRecord) -> int:
-        """Store a state and return its label; when this returns, the state survives a kill and a power cut.
+    def commit(self, record: StateRecord) -> Summary:
+        """Store a state and return its summary; when this returns, the state survives a kill and a power cut.
 
         Raises ValueError unless `record.label` is `next_label`; StoreError when it cannot be written, and
         then the run is as before.
@@ -307,16 +306,15 @@ class Run:
         self._require_lock()
         if record.label != self._next:
             raise ValueError(f"the next state of {self.name} is {self._next}, got label {record.label}")
-        data = encode(record)
-        path = self.state_path(record.label)
-        write_atomic(path, data)
+        data, summary = encode(record), Summary.of(record)
+        write_atomic(self.state_path(record.label), data)
         try:
-            log.append_log(self.log_path, [state_entry(describe(record), data)])
+            log.append_log(self.log_path, [state_entry(summary.to_dict(), data)])
         except StoreError:
             self._take_back(record.label)
             raise
         self._next += 1
-        return record.label
+        return summary
 
     def _take_back(self, label: int) -> None:
         """Remove a state's file whose line could not be written, if the log can be seen to lack it."""
@@ -422,10 +420,7 @@ class Run:
 
         Labels so large that no run comes to them are nobody's, and leave room for those to come.
         """
-        labels = [0]
-        for entry in self.events():
-            if entry["event"] == "state":
-                labels.append(entry["state"]["label"])
-            elif entry["event"] == "state-lost":
-                labels.append(entry["label"])
+        events = self.events()
+        labels = [0, *(event.state.label for event in events if isinstance(event, Entry))]
+        labels += [event.label for event in events if isinstance(event, Lost)]
         return max(label for label in labels if label < LABELS // 10) + 1

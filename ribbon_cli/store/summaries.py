@@ -1,65 +1,226 @@
-"""A state in a few JSON-able words: what `ribbon ls`, `ribbon show` and the log say about it."""
+"""A state in a few words: what the log, `ribbon ls` and `ribbon show` say of it."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from operator import itemgetter
 from typing import Any
 
 from ribbon_cli.facts import kinds_of
-from ribbon_cli.store.layout import BRANCH, STATE
-from ribbon_cli.store.log import to_json
+from ribbon_cli.store.layout import BRANCH, STATE, Item
 from ribbon_cli.store.record import StateRecord
 
 _TOPOLOGY = ("half_twists", "sigma")
+_NONE: set[type] = {type(None)}
+_JSON: dict[str, set[type]] = {
+    "bool": {bool},
+    "utf-8": {str},
+    "int64": {int},
+    "float64": {int, float} | _NONE,
+}
+"""What a value may be in JSON, by the type that it has in a file; not-a-number is null."""
+LABELS = 10**12
+"""Bound of the labels that a line may name."""
+_LARGEST = 2**63
+"""Bound of whole numbers, as in a file."""
+_POSITIVE = ("half_width", "segments", "length")
 
 
-def summary(source: StateRecord | Mapping[str, Any], run: str | None = None) -> dict[str, Any]:
-    """Return the summary of a record, or of a state's entry in the log, for the run named.
+def _types(items: Iterable[Item]) -> dict[str, frozenset[type]]:
+    """The types by field; no class is taken for another, as bool is for int by `isinstance`."""
+    found = {}
+    for item in items:
+        types: set[type] = {list} if item.dims else _JSON[item.dtype]
+        found[item.field] = frozenset(types | _NONE if item.optional else types)
+    return found
 
-    Keys are the record's fields marked in layout.py, in that order, with `half_twists` and `sigma` together
-    under `topology`, those of a point on a branch under `branch`, and `run` and `content_sha256`.
-    Not-a-number is None. Both sources give the same.
+
+_OF_STATE = _types(item for item in STATE if item.summary and item.field not in _TOPOLOGY)
+_OF_STATE["content_sha256"] = frozenset({str})
+_OF_TOPOLOGY = _types(item for item in STATE if item.field in _TOPOLOGY)
+_OF_BRANCH = _types(item for item in BRANCH if item.summary)
+_KEYS = tuple(
+    dict.fromkeys("topology" if item.field in _TOPOLOGY else item.field for item in STATE if item.summary)
+)
+"""Keys of every state's document but the last, in their order."""
+_values = itemgetter(*(_TOPOLOGY[0] if key == "topology" else key for key in _KEYS))
+
+
+@dataclass(frozen=True)
+class BranchSummary:
+    """What a state is on its branch: the fields of `BranchRecord` that layout.py marks.
+
+    None stands for what is absent, or is not a number.
     """
-    state = describe(source) if isinstance(source, StateRecord) else source["state"]
-    return {"run": run, **completed(state)}
+
+    name: str
+    type: str
+    arclength: float | None
+    half_width_rate: float | None
+    index_before: int | None
+    index_after: int | None
+    lowest_eigenvalue: float | None
+    sliding_overlap: float | None
 
 
-def completed(state: Mapping[str, Any]) -> Mapping[str, Any]:
-    """A summary of an earlier format with the kinds of its events, which it lacks."""
-    if "event_kinds" in state:
-        return state
-    return {**state, "event_kinds": list(kinds_of(state["events"]))}
+@dataclass(frozen=True)
+class Summary:
+    """What is known of a state without its file: the fields of `StateRecord` that layout.py marks.
+
+    `Run.load` reads the rest. None stands for what is absent, or is not a number.
+    """
+
+    label: int
+    kind: str
+    stage: str
+    half_width: float
+    segments: int
+    length: float
+    discretisation: str
+    half_twists: int
+    sigma: int
+    energy: float | None
+    status: str
+    message: str
+    certified: bool
+    kkt_residual: float | None
+    constraint_residual: float | None
+    negative_eigenvalues: int | None
+    smallest_facet: float | None
+    inverted_facets: int
+    linking_number: float | None
+    twist: float | None
+    writhe: float | None
+    self_contact: bool
+    clearance: float | None
+    parent: int | None
+    parent_ref: str | None
+    method: str
+    newton_steps: int
+    events: tuple[str, ...]
+    event_kinds: tuple[str, ...]
+    branch: BranchSummary | None
+    content_sha256: str
+
+    @classmethod
+    def of(cls, record: StateRecord, content: str | None = None) -> Summary:
+        """The summary of a record; `content` is its content hash where that is known."""
+        from ribbon_cli.store.content import content_sha256
+
+        values = {item.field: _plain(record, item) for item in STATE if item.summary}
+        values["event_kinds"] = tuple(record.event_kinds or ())
+        branch = None
+        if record.branch is not None:
+            branch = BranchSummary(
+                **{item.field: _plain(record.branch, item) for item in BRANCH if item.summary}
+            )
+        return cls(**values, branch=branch, content_sha256=content or content_sha256(record))
+
+    @classmethod
+    def read(cls, document: Any) -> Summary:
+        """The summary that `to_dict` wrote; what a newer version has put into it is passed over.
+
+        Raises ValueError unless every field is there, and of its type.
+        """
+        if not isinstance(document, dict) or not is_label(document.get("label")):
+            raise ValueError("it has no state with a label")
+        of = f"of state {document['label']} is missing, or of another type"
+        values = checked(document, _OF_STATE, of)
+        for name in _POSITIVE:
+            if not (values[name] or 0) > 0:
+                raise ValueError(f"{name} of state {document['label']} is not positive")
+        values |= checked(document.get("topology"), _OF_TOPOLOGY, of)
+        values["events"] = tuple(values["events"])
+        values["event_kinds"] = _kinds(document, values["events"], of)
+        on_branch = document.get("branch")
+        if on_branch is not None:
+            if values["parent"] is None:
+                raise ValueError(f"state {document['label']} is a point of a branch, and has no parent")
+            on_branch = BranchSummary(**checked(on_branch, _OF_BRANCH, of))
+        values["branch"] = on_branch
+        summary = object.__new__(cls)
+        summary.__dict__.update(values)  # as `cls(**values)` in a fifth of the time: a log has thousands
+        return summary
+
+    def to_dict(self) -> dict[str, Any]:
+        """The summary for JSON, as in the log.
+
+        Keys are in the order of layout.py, with `half_twists` and `sigma` together under `topology`, and
+        those of a point on a branch under `branch`, which other states lack.
+        """
+        known = vars(self)
+        document = dict(zip(_KEYS, _values(known), strict=True))
+        document["topology"] = {name: known[name] for name in _TOPOLOGY}
+        document["events"] = list(self.events)
+        document["event_kinds"] = list(self.event_kinds)
+        if self.branch is not None:
+            document["branch"] = dict(vars(self.branch))
+        document["content_sha256"] = self.content_sha256
+        return document
+
+    def listed(self, run: str | None) -> dict[str, Any]:
+        """The summary for JSON, as `ribbon ls` and `ribbon show` give it of a state of a run."""
+        return {"run": run, **self.to_dict()}
+
+    def agrees(self, document: Mapping[str, Any]) -> bool:
+        """Whether a stored document is this summary; what a newer version has put into it is passed over.
+
+        One of an earlier format lacks the kinds of events, which its sentences tell.
+        """
+        known = {"event_kinds": list(kinds_of(self.events)), **document}
+        return all(key in known and known[key] == value for key, value in self.to_dict().items())
 
 
-def describe(record: StateRecord, content: str | None = None) -> dict[str, Any]:
-    """Summary of a record without the run's name; `content` is its content hash where that is known."""
-    from ribbon_cli.store.content import content_sha256
-
-    state: dict[str, Any] = {}
-    for item in STATE:
-        if item.field in _TOPOLOGY:
-            state.setdefault("topology", {})[item.field] = getattr(record, item.field)
-        elif item.summary:
-            state[item.field] = _scalar(getattr(record, item.field), item.dtype)
-    state["event_kinds"] = list(record.event_kinds or ())
-    if record.branch is not None:
-        state["branch"] = {
-            item.field: _scalar(getattr(record.branch, item.field), item.dtype)
-            for item in BRANCH
-            if item.summary
-        }
-    state["content_sha256"] = content or content_sha256(record)
-    return dict(to_json(state))
+def _kinds(document: dict[str, Any], events: tuple[str, ...], of: str) -> tuple[str, ...]:
+    """The kinds of a summary's events, which earlier formats lack. Raises ValueError unless each has one."""
+    kinds = document.get("event_kinds") if "event_kinds" in document else list(kinds_of(events))
+    if not isinstance(kinds, list) or not are_texts(kinds) or len(kinds) != len(events):
+        raise ValueError(f"event_kinds {of}")
+    return tuple(kinds)
 
 
-def agrees(state: Mapping[str, Any], record: StateRecord, content: str | None = None) -> bool:
-    """Whether a stored summary is the record's; what a newer version has put into it is passed over."""
-    known = completed(state)
-    return all(key in known and known[key] == value for key, value in describe(record, content).items())
-
-
-def _scalar(value: Any, dtype: str) -> Any:
-    """Python's own scalar for a NumPy one; None and texts as they are."""
-    if value is None or dtype == "utf-8":
+def _plain(record: object, item: Item) -> Any:
+    """A field in Python's own types; what is not a number is None."""
+    value = getattr(record, item.field)
+    if value is None or item.dtype == "utf-8":
         return value
-    return {"float64": float, "int64": int, "bool": bool}[dtype](value)
+    if item.dtype == "float64":
+        return float(value) if math.isfinite(value) else None
+    return int(value) if item.dtype == "int64" else bool(value)
+
+
+def checked(found: Any, types: Mapping[str, frozenset[type]], of: str) -> dict[str, Any]:
+    """These fields of a part of a line; what else it says is left out.
+
+    Raises ValueError, with the words `of` behind a field's name, unless all are there, each of one of its
+    types.
+    """
+    found = found if isinstance(found, dict) else {}
+    values = {}
+    for name, allowed in types.items():
+        value = found.get(name, checked)  # which is no value at all
+        kind = type(value)
+        if kind in allowed:
+            if kind is float:
+                fits = math.isfinite(value)  # as 1e999 is not
+            elif kind is int:
+                fits = -_LARGEST <= value < _LARGEST
+            else:
+                fits = kind is not list or are_texts(value)
+            if fits:
+                values[name] = value
+                continue
+        raise ValueError(f"{name} {of}")
+    return values
+
+
+def are_texts(values: list[Any]) -> bool:
+    """Whether all values of a list are texts."""
+    return all(isinstance(text, str) for text in values)
+
+
+def is_label(value: Any) -> bool:
+    """Whether a value can be a state's label."""
+    return isinstance(value, int) and not isinstance(value, bool) and 0 < value < LABELS

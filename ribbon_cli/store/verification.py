@@ -9,17 +9,16 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from ribbon_cli.errors import StoreError
 from ribbon_cli.store import configs
 from ribbon_cli.store.atomic import TEMPORARY
-from ribbon_cli.store.events import removed
+from ribbon_cli.store.events import Created, Entry, Event, Lost, removed
 from ribbon_cli.store.folder import STATES, state_files
 from ribbon_cli.store.hdf5 import decode
 from ribbon_cli.store.record import StateRecord
 from ribbon_cli.store.run import Run
-from ribbon_cli.store.summaries import agrees
+from ribbon_cli.store.summaries import Summary
 
 
 @dataclass(frozen=True)
@@ -52,29 +51,29 @@ def check_folder(run: Run) -> list[Finding]:
     except StoreError as error:
         return [_from_error(run.log_path, error)]
     found = list(_check_config(run, events))
-    labels = Counter(event["state"]["label"] for event in events if event["event"] == "state")
+    labels = Counter(event.state.label for event in events if isinstance(event, Entry))
     for label in sorted(label for label, count in labels.items() if count > 1):
         found.append(Finding(str(run.log_path), f"it has {labels[label]} lines on state {label}"))
     for event in events:
-        if event["event"] == "state-lost":
-            reason = event.get("reason", "its file was missing")
-            found.append(Finding(str(run.state_path(event["label"])), f"marked as lost: {reason}", note=True))
+        if isinstance(event, Lost):
+            where = str(run.state_path(event.label))
+            found.append(Finding(where, f"marked as lost: {event.reason}", note=True))
     return found + list(_leftovers(run, events))
 
 
-def _check_config(run: Run, events: list[dict[str, Any]]) -> Iterator[Finding]:
+def _check_config(run: Run, events: list[Event]) -> Iterator[Finding]:
     """Compare the config files with the hashes that the log's first line keeps."""
-    created = [event for event in events if event["event"] == "created"]
-    if len(created) != 1 or events[0]["event"] != "created":
+    created = [event for event in events if isinstance(event, Created)]
+    if not created or events[:1] != created:
         yield Finding(str(run.log_path), "its first line, and no other, must be the event `created`")
         return
     for path, reason in configs.differing(run.path, configs.committed(created)):
         yield Finding(str(path), reason)
 
 
-def _leftovers(run: Run, events: list[dict[str, Any]]) -> Iterator[Finding]:
+def _leftovers(run: Run, events: list[Event]) -> Iterator[Finding]:
     """What a killed writer left, and what was put aside; a running writer's own files are its business."""
-    known = {event["state"]["label"] for event in events if event["event"] == "state"}
+    known = {event.state.label for event in events if isinstance(event, Entry)}
     gone = removed(events)
     if run.holder():
         return
@@ -102,17 +101,17 @@ def check_states(run: Run, labels: list[int] | None = None) -> Iterator[Checked]
     except StoreError:
         return
     for label in entries if labels is None else labels:
-        yield _check_state(run, label, entries)
+        yield _check_state(run, label, entries[label])
 
 
-def _check_state(run: Run, label: int, entries: dict[int, dict[str, Any]]) -> Checked:
+def _check_state(run: Run, label: int, entry: Entry) -> Checked:
     path = run.state_path(label)
     try:
-        record = run.load_entry(label, entries[label])
+        record = run.load_entry(entry)
     except StoreError as error:
         return Checked(label, path, None, (_from_error(path, error),))
     found = []
-    if not agrees(entries[label]["state"], record):
+    if Summary.of(record) != entry.state:
         found.append(Finding(str(run.log_path), f"its line on state {label} is not what {path.name} holds"))
     if record.parent is not None and not 0 < record.parent < label:
         found.append(Finding(str(path), f"its parent is state {record.parent}, which is not earlier"))

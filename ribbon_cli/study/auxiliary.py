@@ -12,7 +12,7 @@ from ..recipes.eversion import EversionStage
 from ..recipes.twist import TwistStage
 from ..solver.newton import Options, solve
 from ..solver.status import Status
-from ..store import StateRecord
+from ..store import Summary
 from .failure import Failure
 from .plan import MOST_HALVINGS
 from .records import multipliers_of, state_of
@@ -34,9 +34,9 @@ class Turning:
     word: str
     between: Callable[[float], Turn]
 
-    def run(self, turns: Iterable[Turn]) -> StateRecord | Failure:
+    def run(self, turns: Iterable[Turn]) -> Summary | Failure:
         """Solve or load all of them; the last one's state, or why it was not reached."""
-        record: StateRecord | None = None
+        record: Summary | None = None
         # The eversion's first stage turns nothing, and has no step to halve.
         reached: float | None = None if self.word == "eversion" else 0.0
         for goal in turns:
@@ -49,8 +49,8 @@ class Turning:
         return record
 
     def _towards(
-        self, goal: Turn, record: StateRecord | None, reached: float | None
-    ) -> tuple[StateRecord, float] | Failure:
+        self, goal: Turn, record: Summary | None, reached: float | None
+    ) -> tuple[Summary, float] | Failure:
         """Turn to a stage, or as far as halving leads; what was reached, or why nothing was."""
         turns = {goal.name: goal}
         if reached is not None:
@@ -71,8 +71,9 @@ class Turning:
             return replace(failures[-1], kind="turn", values=facts)
         return found, turns[found.stage].index
 
-    def _solved(self, turn: Turn, record: StateRecord | None, before: tuple[Event, ...]) -> Ended | Failure:
+    def _solved(self, turn: Turn, stored: Summary | None, before: tuple[Event, ...]) -> Ended | Failure:
         """Solve a stage from the one before; only minima are taken."""
+        record = None if stored is None else self.walk.journal.load(stored)
         state = self.ring if record is None else state_of(record)
         multipliers = None if record is None else multipliers_of(record)
         problem = Problem(self.ring.band, turn.prescription)

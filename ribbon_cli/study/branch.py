@@ -21,14 +21,15 @@ from ..solver.branch import Advance, BranchOptions, End, Reason, advance, reason
 from ..solver.branch_events import Event
 from ..solver.branch_switch import switch
 from ..solver.singular import lowest_mode, with_multipliers
-from ..store import BranchRecord, StateRecord, summary
+from ..store import BranchRecord, StateRecord, Summary
+from ..store.events import BRANCH_END
 from .acceptance import checked, converged
-from .branch_tables import ENDED, course_point, courses
+from .branch_tables import course_point, courses
 from .clock import Clock
+from .closed_branches import TURNING, repeated, turns
 from .failure import Failure
 from .outcome import Course
 from .records import multipliers_of, state_of
-from .repetition import TURNING, repeated, turns
 from .walk import Ended, Stage, Walk
 
 SIDES = ((1, "+"), (-1, "-"))
@@ -120,7 +121,7 @@ class Branches:
             end = self._end_at(event, base)
             if end is not None:
                 return None, known[: j + 1], end
-        stored = self.journal.finished(stage)
+        stored = self._finished(stage)
         if whole and stored is not None and self.options.low <= stored.half_width <= self.options.high:
             return _place(stored), known, None
         self.walk.begin(stage, base.half_width, base.segments)
@@ -150,12 +151,17 @@ class Branches:
         record = self.walk.end_of(_stage(stage, point, "step", base), ended, clock)
         if isinstance(record, Failure):
             return None, events, _broken(base, record)
-        return _place(record), events, None
+        return _place(self.journal.load(record)), events, None
 
     def _stored(self, stage: str) -> StateRecord:
-        record = self.journal.finished(stage)
+        record = self._finished(stage)
         assert record is not None
         return record
+
+    def _finished(self, stage: str) -> StateRecord | None:
+        """All of the state that ended a stage, if it is stored: a branch goes on from its tangent."""
+        state = self.journal.finished(stage)
+        return None if state is None else self.journal.load(state)
 
     def _store_event(
         self, stage: str, found: tuple[str, Event], place: _Place, taken: Advance, clock: Clock
@@ -174,13 +180,14 @@ class Branches:
                 taken.following,
                 event,
             )
-            met = _happening(event)
-            end = self._ended(name, event.point, point, (met,), _SINGULAR.get(event.type, ""))
+            what = _happening(event)
+            end = self._ended(name, event.point, point, (what,), _SINGULAR.get(event.type, ""))
             if isinstance(end, Ended):
-                self.walk.tell(branch, (met,))
+                self.walk.tell(branch, (what,))
             return end
 
-        return self.walk.end_of(_stage(name, event.point, event.type, place.record), ended, clock)
+        met = self.walk.end_of(_stage(name, event.point, event.type, place.record), ended, clock)
+        return met if isinstance(met, Failure) else self.journal.load(met)
 
     def _ended(
         self,
@@ -245,7 +252,7 @@ class Branches:
 
     def _finish(self, name: str, start: StateRecord, met: Sequence[StateRecord], end: End) -> None:
         """Keep the branch's course, and its end in the run's log."""
-        points = tuple(course_point(summary(record)) for record in met)
+        points = tuple(course_point(Summary.of(record)) for record in met)
         course = Course(
             name,
             start.label,
@@ -269,7 +276,7 @@ class Branches:
         if known is None or any(
             getattr(known, key) != noted[key] for key in ("reason", "half_width", "message")
         ):
-            self.journal.log(ENDED, **noted)
+            self.journal.log(BRANCH_END, **noted)
 
     # --- other branches ---
 
@@ -300,7 +307,8 @@ class Branches:
         if isinstance(first, Failure):
             self._finish(name, record, [], _broken(record, first))
         else:
-            self._follow(name, record, _place(first), [first], 2, depth)
+            begun = self.journal.load(first)
+            self._follow(name, record, _place(begun), [begun], 2, depth)
 
 
 _SINGULAR = {

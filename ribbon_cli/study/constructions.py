@@ -17,7 +17,7 @@ from ..model.topology import linking_number
 from ..recipes.eversion import Pieces, eversion_stage, eversion_stages, rejoined, turned
 from ..recipes.schoenke import schoenke
 from ..solver.status import Result, Status
-from ..store import StateRecord
+from ..store import Summary
 from .auxiliary import Turning
 from .failure import Failure
 from .plan import CONSTRUCTION, QUARTERS, turn_names
@@ -25,7 +25,7 @@ from .records import state_of
 from .walk import Ended, Stage, Walk
 
 
-def evert(walk: Walk, ring: State, count: int) -> StateRecord | Failure:
+def evert(walk: Walk, ring: State, count: int) -> Summary | Failure:
     """Run or load the auxiliary stages; the rejoined band."""
     segments = ring.band.segments
     turning = Turning(walk, ring, "eversion", lambda index: eversion_stage(segments, index, count))
@@ -33,9 +33,9 @@ def evert(walk: Walk, ring: State, count: int) -> StateRecord | Failure:
     return last if isinstance(last, Failure) else _join(walk, last)
 
 
-def _join(walk: Walk, last: StateRecord) -> StateRecord | Failure:
+def _join(walk: Walk, last: Summary) -> Summary | Failure:
     """The band cut, half of it turned step by step, and joined again: constructions, nothing is solved."""
-    state, record = state_of(last), last
+    state, record = state_of(walk.journal.load(last)), last
     joined = rejoined(state)
     for k, name in enumerate(turn_names()):
         stage = Stage(name, last.half_width, last.segments, "auxiliary", record.label)
@@ -85,7 +85,7 @@ def in_two_pieces(joined: State, pieces: Pieces) -> dict[str, Any]:
     }
 
 
-def construct(walk: Walk, band: Band, half_twists: int) -> StateRecord | Failure:
+def construct(walk: Walk, band: Band, half_twists: int) -> Summary | Failure:
     """Make or load the n-inflection construction; it fails where the mesh is too coarse for it."""
 
     def made() -> Ended | Failure:

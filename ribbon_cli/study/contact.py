@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from ..facts import event
 from ..model.band import Array, State
 from ..model.contact import Contact, self_contact
-from ..store import StateRecord
+from ..store import Summary
 from .failure import Failure
 from .records import multipliers_of, state_of
 from .stepping import width_step
@@ -57,7 +57,7 @@ class _End:
 
 
 def locate_contact(
-    walk: Walk, before: StateRecord, after: StateRecord, levels: Sequence[int]
+    walk: Walk, before: Summary, after: Summary, levels: Sequence[int]
 ) -> tuple[FirstContact, ...]:
     """Locate the contact that begins (or ends) between two states of a branch, then on finer `levels`.
 
@@ -68,8 +68,8 @@ def locate_contact(
     free, touching = (after, before) if before.self_contact else (before, after)
     name = f"contact between b = {before.half_width:.12g} and b = {after.half_width:.12g}"
     stage = Stage(name, free.half_width, free.segments, "intermediate", free.label)
-    record = walk.end_of(stage, lambda: _located(walk, _end(free), _end(touching), name))
-    found: list[StateRecord] = []
+    record = walk.end_of(stage, lambda: _located(walk, _end(walk, free), _end(walk, touching), name))
+    found: list[Summary] = []
     side = math.copysign(1.0, free.half_width - touching.half_width)
     left = list(levels)
     while not isinstance(record, Failure):
@@ -85,7 +85,8 @@ def locate_contact(
     return out
 
 
-def _end(record: StateRecord) -> _End:
+def _end(walk: Walk, stored: Summary) -> _End:
+    record = walk.journal.load(stored)
     state = state_of(record)
     return _End(state, multipliers_of(record), _contact(state))
 
@@ -132,7 +133,7 @@ def _located(walk: Walk, free: _End, touching: _End, stage: str) -> Ended | Fail
     return replace(touching.solved, before=(met,))
 
 
-def _on_level(walk: Walk, coarse: StateRecord, n: int, stage: str, side: float) -> StateRecord | Failure:
+def _on_level(walk: Walk, coarse: Summary, n: int, stage: str, side: float) -> Summary | Failure:
     """First contact on a finer level, bracketed by steps from the coarser one's width.
 
     `side` is the sign of the widths without contact, seen from those with it.
@@ -147,7 +148,7 @@ def _on_level(walk: Walk, coarse: StateRecord, n: int, stage: str, side: float) 
     if not refined.certified:
         return Failure("solve", None, refined.message, {"stage": name})
     goal = Stage(name, refined.half_width, n, "intermediate", refined.label)
-    return walk.end_of(goal, lambda: _searched(walk, _end(refined), name, side))
+    return walk.end_of(goal, lambda: _searched(walk, _end(walk, refined), name, side))
 
 
 def _searched(walk: Walk, here: _End, name: str, side: float) -> Ended | Failure:

@@ -9,24 +9,25 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from ..solver.status import Status
-from ..store import StateRecord
+from ..store import Summary
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # a finished run does without the solver
+    from ..solver.status import Status
     from .walk import Ended
 
 _MORE = "more segments N (`segments`), or another recipe or state to start from"
 _REMEDIES = {
-    Status.LEFT_TOPOLOGY: f"Take smaller steps{{}}, {_MORE}.",
-    Status.OTHER_SHAPE: f"Take smaller steps{{}}, {_MORE}.",
-    Status.STALLED: f"Take smaller steps{{}}, {_MORE}.",
-    Status.ITERATION_LIMIT: f"Take smaller steps{{}}, {_MORE}.",
-    Status.NOT_FINITE: f"Take smaller steps{{}}, {_MORE}.",
-    Status.LEFT_BRANCH: "Take smaller steps{}, or follow the branch by arclength.",
-    Status.INVERTED_FACET: "Take more segments N, or a narrower band.",
-    Status.SADDLE: "Another N may have a minimum; `widths: {{arclength: ...}}` goes on along saddles.",
-    Status.UNDECIDED: "`ribbon spectrum` shows the mode in question; another N may decide.",
+    "left-topology": f"Take smaller steps{{}}, {_MORE}.",
+    "other-shape": f"Take smaller steps{{}}, {_MORE}.",
+    "stalled": f"Take smaller steps{{}}, {_MORE}.",
+    "iteration-limit": f"Take smaller steps{{}}, {_MORE}.",
+    "not-finite": f"Take smaller steps{{}}, {_MORE}.",
+    "left-branch": "Take smaller steps{}, or follow the branch by arclength.",
+    "inverted-facet": "Take more segments N, or a narrower band.",
+    "saddle": "Another N may have a minimum; `widths: {{arclength: ...}}` goes on along saddles.",
+    "undecided": "`ribbon spectrum` shows the mode in question; another N may decide.",
 }
+"""What to do about a solve that ended so, by the word of its status."""
 _SENTENCES = {
     "solve": "{stage}: {message}",
     "state": "{stage}: {said}",
@@ -72,13 +73,14 @@ class Failure:
     @property
     def sentence(self) -> str:
         """What failed, how, and what to do about it."""
-        told = self.status is None or self.kind in ("fold", "located")
-        remedy = None if told else _REMEDIES.get(self.status)  # type: ignore[arg-type]
-        if remedy is None:
+        remedy = None if self.status is None else _REMEDIES.get(self.status.value)
+        if remedy is None or self.kind in ("fold", "located"):
             return self.bare
         return f"{self.bare} {remedy.format(f' ({self.smaller})' if self.smaller else '')}"
 
 
-def failure_of(record: StateRecord, stage: str, smaller: str = "") -> Failure:
+def failure_of(state: Summary, stage: str, smaller: str = "") -> Failure:
     """A state that was stored without a certificate, as the failure of its stage."""
-    return Failure("state", Status(record.status), "", {"stage": stage, "said": record.message}, smaller)
+    from ..solver.status import Status
+
+    return Failure("state", Status(state.status), "", {"stage": stage, "said": state.message}, smaller)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..config import Config, ConfigError, Problem
+from ..config import Config, ConfigError, Mistake
 from ..digits import significant
 from ..errors import StoreError, UsageError
 from ..facts import Event, event
@@ -58,7 +58,7 @@ def given_state(config: Config, root: Path, tell: Callable[[str], object] | None
 def refused(config: Config, message: str) -> ConfigError:
     """The error of a config whose given state cannot be used."""
     guess = config.guess
-    return ConfigError(config.path, [Problem(guess.line, guess.column, "initial_guess.state", message)])
+    return ConfigError(config.path, [Mistake(guess.line, guess.column, "initial_guess.state", message)])
 
 
 def _given_state(config: Config, root: Path, tell: Callable[[str], object] | None) -> Given:

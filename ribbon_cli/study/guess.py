@@ -13,7 +13,7 @@ from ..recipes.twist import twist_stage, twist_stages
 from ..solver.arclength import nearest
 from ..solver.newton import solve
 from ..solver.status import Result
-from ..store import StateRecord
+from ..store import Summary
 from .acceptance import converged
 from .auxiliary import Turning
 from .constructions import construct, evert
@@ -24,7 +24,7 @@ from .records import saddle_result, state_of
 from .walk import Ended, Stage, Walk
 
 
-def freed_guess(walk: Walk, config: Config, given: Given | None) -> StateRecord | Failure:
+def freed_guess(walk: Walk, config: Config, given: Given | None) -> Summary | Failure:
     """Run or load the stages up to the freed guess, certified or not; why it is not reached.
 
     `given` is the state that the config starts from.
@@ -52,10 +52,12 @@ def freed_guess(walk: Walk, config: Config, given: Given | None) -> StateRecord 
             made, method = evert(walk, ring, count), "rejoined band freed"
         else:
             made, method = _twisted(walk, ring, config.half_twists, count), "seam closed and freed"
-    return made if isinstance(made, Failure) else _freed(walk, config, state_of(made), made.label, method)
+    if isinstance(made, Failure):
+        return made
+    return _freed(walk, config, state_of(walk.journal.load(made)), made.label, method)
 
 
-def _twisted(walk: Walk, ring: State, half_twists: int, count: int) -> StateRecord | Failure:
+def _twisted(walk: Walk, ring: State, half_twists: int, count: int) -> Summary | Failure:
     """The band twisted step by step."""
     turning = Turning(walk, ring, "twist", lambda index: twist_stage(half_twists, index, count))
     return turning.run(twist_stages(half_twists, count))
@@ -68,7 +70,7 @@ def _freed(
     parent: int | None,
     method: str,
     given: Given | None = None,
-) -> StateRecord | Failure:
+) -> Summary | Failure:
     """The equilibrium next to a guess, saddles on the way left."""
     band = state.band
     stage = Stage(

@@ -7,15 +7,15 @@ the same bytes as one that was not. What it takes to compute a stage is imported
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from ..errors import LockedError, StoreError
-from ..solver.status import Status
-from ..store import Run, StateRecord
-from ..store.events import GIVEN_UP, removed
+from ..store import Run, StateRecord, Summary
+from ..store.events import Ended, GivenUp, Lost, removed
 from ..store.provenance import config_facts
 from .clock import Clock, Origin
 from .outcome import Outcome
@@ -23,11 +23,13 @@ from .progress import Progress, Recording
 
 if TYPE_CHECKING:
     from ..config import SpectrumRequest
-    from ..solver.status import SaddleMet
+    from ..solver.status import SaddleMet, Status
     from .records import Reached
 
 SAME_SADDLE = 1e-9
 """Relative difference of energies up to which two saddles of one stage and index are one, computed twice."""
+_RECENT = 8
+"""States whose arrays are kept in memory after they were committed: the next stages begin at one of these."""
 
 
 class NotStoredError(Exception):
@@ -66,30 +68,28 @@ class Journal:
         self._argv, self._origin = argv, origin
         self._config = config_facts(run.path)
         self._ends: dict[str, int] = {}
-        self._saddles: dict[str, list[Mapping[str, Any]]] = {}
+        self._saddles: dict[str, list[Summary]] = {}
+        self._recent = deque[StateRecord](maxlen=_RECENT)
         for remark in run.remarks:
             self.note(remark)
-        for label, entry in sorted(run.entries().items()):
-            state = entry["state"]
-            if state["kind"] == "saddle":
-                self._saddles.setdefault(state["stage"], []).append(state)
+        for label, entry in run.entries().items():
+            if entry.state.kind == "saddle":
+                self._saddles.setdefault(entry.state.stage, []).append(entry.state)
             else:
-                self._ends.setdefault(state["stage"], label)
-        lost = _lost_states(run)
-        self._lost = {state["stage"] for state in lost}
+                self._ends.setdefault(entry.state.stage, label)
+        self._lost = _lost_stages(run)
         self._lost_saddles = {
-            state["stage"]
-            for state in lost
-            if state.get("kind") == "saddle"
-            and not any(_met_again(state, known) for known in self._saddles.get(state["stage"], ()))
+            state.stage
+            for state in _lost_saddles(run)
+            if not any(_met_again(state, known) for known in self._saddles.get(state.stage, ()))
         }
 
     def has(self, stage: str) -> bool:
         """Whether the state that ended a stage is stored."""
         return stage in self._ends
 
-    def finished(self, stage: str) -> StateRecord | None:
-        """The state that ended a stage, if it is stored."""
+    def finished(self, stage: str) -> Summary | None:
+        """The state that ended a stage, if it is stored: `load` reads what a stage is computed from."""
         label = self._ends.get(stage)
         return None if label is None else self.run.look_up(label)
 
@@ -100,18 +100,25 @@ class Journal:
     def given_up(self, stage: str, parent: int | None) -> tuple[Status, str] | None:
         """How an earlier pass failed at a stage from a state, if it did and kept it: status and detail."""
         for event in self.run.events():
-            if event["event"] == GIVEN_UP and (event["stage"], event["parent"]) == (stage, parent):
+            if isinstance(event, GivenUp) and (event.stage, event.parent) == (stage, parent):
+                from ..solver.status import Status
+
                 with suppress(ValueError):  # a status of another version's
-                    return Status(event["status"]), event["detail"]
+                    return Status(event.status), event.detail
         return None
 
-    def ancestry(self, stage: str) -> list[StateRecord]:
+    def load(self, state: Summary) -> StateRecord:
+        """All of a stored state; one that was committed of late is at hand. Raises StoreError."""
+        at_hand = (record for record in self._recent if record.label == state.label)
+        return next(at_hand, None) or self.run.load(state.label)
+
+    def ancestry(self, stage: str) -> list[Summary]:
         """The states that led to a stage's end, the first of them first and that end last.
 
         Empty where one of them is not stored. A parent's label is smaller than its child's.
         """
         label, entries = self._ends.get(stage), self.run.entries()
-        line: list[StateRecord] = []
+        line: list[Summary] = []
         while label is not None:
             if label not in entries or (line and label >= line[-1].label):
                 return []
@@ -138,12 +145,12 @@ class Journal:
         if not self.run.is_writing:
             return
         left = [target for target in outcome.targets if not target.reached]
-        missed = [[target.half_width, target.segments] for target in left if not target.beyond]
-        beyond = [[target.half_width, target.segments] for target in left if target.beyond]
-        facts = {"missed": missed} | ({"beyond": beyond} if beyond else {})
-        ended = [event for event in self.run.events() if event["event"] == "ended"]
-        if self.new_states or not ended or not facts.items() <= ended[-1].items():
-            self.run.log_event("ended", exit_code=outcome.exit_code, **facts)
+        missed = tuple((target.half_width, target.segments) for target in left if not target.beyond)
+        beyond = tuple((target.half_width, target.segments) for target in left if target.beyond)
+        ended = [event for event in self.run.events() if isinstance(event, Ended)]
+        if self.new_states or not ended or (ended[-1].missed, ended[-1].beyond) != (missed, beyond):
+            more = {"beyond": beyond} if beyond else {}
+            self.run.log_event("ended", exit_code=outcome.exit_code, missed=missed, **more)
 
     def clock(self) -> Clock:
         """A clock for a stage that begins now. Raises NotStoredError if its end could not be committed."""
@@ -164,15 +171,15 @@ class Journal:
         clock: Clock,
         spectrum: SpectrumRequest | None,
         changes: Mapping[str, Any] | None = None,
-    ) -> StateRecord:
+    ) -> Summary:
         """Commit the saddles that were met in a stage, then the state that ends it.
 
         `changes` are fields of its record that do not follow from the solve.
         """
         self.store_saddles(reached, saddles, clock)
-        record = self._commit(reached, clock, spectrum, changes)
-        self._ends[reached.stage] = record.label
-        return record
+        state = self._commit(reached, clock, spectrum, changes)
+        self._ends[reached.stage] = state.label
+        return state
 
     def store_saddles(self, reached: Reached, saddles: Sequence[SaddleMet], clock: Clock) -> None:
         """Commit those of a stage's saddles that are not stored; a stored one is the nearest in energy."""
@@ -180,7 +187,7 @@ class Journal:
 
         left = list(saddles)
         for state in self._saddles.get(reached.stage, ())[: len(left)]:
-            left.remove(min(left, key=lambda met: abs(met.energy - (state["energy"] or 0.0))))
+            left.remove(min(left, key=lambda met: abs(met.energy - (state.energy or 0.0))))
         for met in left:
             saddle = saddle_result(reached.problem, met)
             self._commit(replace(reached, result=saddle, kind="saddle", events=(), steps=0), clock, None)
@@ -192,28 +199,34 @@ class Journal:
         clock: Clock,
         spectrum: SpectrumRequest | None,
         changes: Mapping[str, Any] | None = None,
-    ) -> StateRecord:
+    ) -> Summary:
         from .records import build_record
 
         record = replace(build_record(self.run.next_label, reached, clock, spectrum), **(changes or {}))
-        self.run.commit(record)
+        state = self.run.commit(record)
+        self._recent.append(record)
         self.new_states += 1
-        return record
+        return state
 
 
-def _lost_states(run: Run) -> list[dict[str, Any]]:
-    """States that were removed, or that `ribbon repair` marked as lost, whose lines were not looked at
-    closely.
-    """
-    lost = [event.get("state") for event in run.events() if event["event"] == "state-lost"]
-    lost += [entry["state"] for entry in removed(run.events()).values()]
-    return [state for state in lost if isinstance(state, dict) and isinstance(state.get("stage"), str)]
+def _lost_stages(run: Run) -> set[str]:
+    """Stages of the states that were removed, or that `ribbon repair` marked as lost."""
+    events = run.events()
+    lost = {event.stage for event in events if isinstance(event, Lost) and event.stage is not None}
+    return lost | {entry.state.stage for entry in removed(events).values()}
 
 
-def _met_again(lost: Mapping[str, Any], known: Mapping[str, Any]) -> bool:
+def _lost_saddles(run: Run) -> list[Summary]:
+    """The saddles among these states, as far as their lines tell."""
+    events = run.events()
+    lost = [event.state for event in events if isinstance(event, Lost)]
+    lost += [entry.state for entry in removed(events).values()]
+    return [state for state in lost if state is not None and state.kind == "saddle"]
+
+
+def _met_again(lost: Summary, known: Summary) -> bool:
     """Whether a stored saddle is one that was lost, computed again."""
-    here, there = lost.get("energy"), known["energy"]
-    if not isinstance(here, int | float) or there is None:
+    if lost.energy is None or known.energy is None:
         return True  # nothing to tell them apart by
-    same = lost.get("negative_eigenvalues") == known["negative_eigenvalues"]
-    return same and math.isclose(here, there, rel_tol=SAME_SADDLE)
+    same = lost.negative_eigenvalues == known.negative_eigenvalues
+    return same and math.isclose(lost.energy, known.energy, rel_tol=SAME_SADDLE)

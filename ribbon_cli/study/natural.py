@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from ..config import Arclength
 from ..solver.branch import End, Reason
 from ..solver.status import Status
-from ..store import StateRecord
+from ..store import Summary
 from .failure import Failure
 from .outcome import Course, CoursePoint
 from .plan import MOST_HALVINGS
@@ -26,10 +26,10 @@ class Natural:
     Steps that fail are kept in the log, so that the same line again has nothing to solve.
     """
 
-    def __init__(self, walk: Walk, request: Arclength, start: StateRecord) -> None:
+    def __init__(self, walk: Walk, request: Arclength, start: Summary) -> None:
         self.walk, self.journal = walk, walk.journal
         self.request, self.start = request, start
-        self.met: list[tuple[StateRecord, str]] = []
+        self.met: list[tuple[Summary, str]] = []
         self.beyond: list[float] = []
 
     def follow(self, name: str) -> Course:
@@ -48,7 +48,7 @@ class Natural:
         points = tuple(_point(record, kind) for record, kind in self.met)
         return Course(name, self.start.label, points, end.reason.value, end.half_width, message)
 
-    def _reach(self, name: str, current: StateRecord, b: float) -> tuple[StateRecord, End | None]:
+    def _reach(self, name: str, current: Summary, b: float) -> tuple[Summary, End | None]:
         """Go to a width in steps as long as they succeed; where it ends if it is not reached."""
         step = b - current.half_width
         while current.half_width != b:
@@ -73,7 +73,7 @@ class Natural:
             current = following
         return current, None
 
-    def _stages(self, name: str, current: StateRecord, b: float, step: float) -> Iterator[Stage]:
+    def _stages(self, name: str, current: Summary, b: float, step: float) -> Iterator[Stage]:
         """The step towards a width, or all the way if it is as long, then its half, a quarter, ..."""
         left, shortest = b - current.half_width, abs(b - self.start.half_width) / 2**MOST_HALVINGS
         while True:
@@ -83,10 +83,10 @@ class Natural:
                 return
             step = 0.5 * (aim - current.half_width)
 
-    def _locate_contact(self, name: str, before: StateRecord, after: StateRecord) -> tuple[StateRecord, End]:
+    def _locate_contact(self, name: str, before: Summary, after: Summary) -> tuple[Summary, End]:
         """Halve the step that led to contact until the width is known; the end is in contact."""
 
-        def step(start: StateRecord, b: float) -> StateRecord | Failure:
+        def step(start: Summary, b: float) -> Summary | Failure:
             stage = _stage(name, start, b, "intermediate")
             found = self.walk.reach(stage, lambda: self._solved(stage, start))
             if isinstance(found, Failure):
@@ -104,7 +104,7 @@ class Natural:
         """Remember where another branch was met."""
         self.beyond += [why.values["end"] for why in failures if why.status is Status.LEFT_BRANCH]
 
-    def _hint(self, current: StateRecord, why: str) -> str:
+    def _hint(self, current: Summary, why: str) -> str:
         """Why no step succeeds: a fold, if another branch was met beyond."""
         if self.beyond:
             nearest = min(self.beyond, key=lambda b: abs(b - current.half_width))
@@ -112,16 +112,17 @@ class Natural:
             why = f"The branch seems to turn back (fold) near b = {near:.6g}: {why}"
         return f"{why} --arclength goes on around folds and past losses of stability, and locates them."
 
-    def _solved(self, stage: Stage, start: StateRecord) -> Ended | Failure:
+    def _solved(self, stage: Stage, start: Summary) -> Ended | Failure:
         """A minimum at a width from the state before it."""
-        return width_step(self.walk, state_of(start), multipliers_of(start), stage.half_width)
+        record = self.journal.load(start)
+        return width_step(self.walk, state_of(record), multipliers_of(record), stage.half_width)
 
 
-def _stage(name: str, start: StateRecord, b: float, kind: str) -> Stage:
+def _stage(name: str, start: Summary, b: float, kind: str) -> Stage:
     return Stage(f"{name}, b = {float(b)!r}", b, start.segments, kind, start.label, start=start.half_width)
 
 
-def _point(record: StateRecord, kind: str) -> CoursePoint:
+def _point(record: Summary, kind: str) -> CoursePoint:
     return CoursePoint(
         label=record.label,
         type=kind,

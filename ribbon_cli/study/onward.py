@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ..config import Arclength
 from ..errors import UsageError
-from ..store import StateRecord, resolve_state
+from ..store import StateRecord, Summary, resolve_state
 from .branch import Branches
 from .journal import run_or_read
 from .natural import Natural
@@ -46,7 +46,7 @@ def continue_state(
             walk.journal.note(choice)
         try:
             if natural:
-                courses = [Natural(walk, request, record).follow(f"from {record.label}")]
+                courses = [Natural(walk, request, Summary.of(record)).follow(f"from {record.label}")]
             else:
                 branches = Branches(walk, request, record)
                 branches.follow(branch_name(record, request))

@@ -42,7 +42,7 @@ class CoursePoint:
     label: int
     type: str
     half_width: float
-    energy: float
+    energy: float | None
     status: str
     negative_eigenvalues: int | None
     index_before: int | None

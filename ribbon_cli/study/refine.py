@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 from ..config import SpectrumRequest
 from ..config.recipes import SEGMENTS
 from ..errors import RibbonError, UsageError
 from ..facts import OTHER_MINIMA, same_width
 from ..recipes.eversion import not_everted
-from ..store import Run, StateRecord, resolve_state
+from ..store import Run, StateRecord, Summary, resolve_state
 from ..store.refs import meant
 from .failure import Failure
 from .journal import run_or_read
 from .outcome import Outcome, Target
 from .progress import Progress, Silence
 from .records import state_of
-from .resolved import resolved_config
+from .run_config import resolved_config
 from .walk import Walk
 
 _CONFIG_FACTS = ("git_revision", "git_dirty")
@@ -60,7 +60,7 @@ def refine_state(
         for choice in taken:
             walk.journal.note(choice)
         try:
-            targets = _refine_all(walk, record, grids, method, every=levels is not None)
+            targets = _refine_all(walk, Summary.of(record), grids, method, every=levels is not None)
         finally:
             watcher.done()
         return Outcome(run, targets, tuple(walk.journal.notes), walk.journal.new_states)
@@ -69,7 +69,7 @@ def refine_state(
 
 
 def _refine_all(
-    walk: Walk, start: StateRecord, grids: list[int], method: str, *, every: bool
+    walk: Walk, start: Summary, grids: list[int], method: str, *, every: bool
 ) -> tuple[Target, ...]:
     """Refine through the grids; all of them are targets if `every`, else the last."""
     record, targets = start, []
@@ -103,8 +103,8 @@ def _refine_all(
 
 
 def _stored(
-    walk: Walk, start: StateRecord, segments: int, stage: str, named: bool, method: str
-) -> StateRecord | None:
+    walk: Walk, start: Summary, segments: int, stage: str, named: bool, method: str
+) -> Summary | None:
     """The certified state with so many segments that is the start's own refinement, or is related to it by
     refinements; None where none is stored but, perhaps, by the stage's name.
     """
@@ -117,30 +117,30 @@ def _stored(
         known = [
             state
             for state in _relatives(walk.journal.run, start.label)
-            if state["segments"] == segments and state["kind"] in kinds
+            if state.segments == segments and state.kind in kinds
         ]
         if not known:
             return None
-        label = meant(known)["label"]
+        label = meant(known).label
     if named:
         place = f"b = {start.half_width:.10g} and N = {segments}"
         walk.journal.note(f"state {label} has {place} already: nothing new is stored")
     return walk.journal.run.look_up(label)
 
 
-def _relatives(run: Run, label: int) -> list[dict[str, Any]]:
+def _relatives(run: Run, label: int) -> list[Summary]:
     """The certified states that are one band on several grids with the state of a label, in the order stored.
 
     A refinement keeps the width and changes N. What is refined from the state is its own even where another
     minimum came of it, as it would again; elsewhere such a step leads to another band.
     """
     every = run.states(all=True)
-    states = {state["label"]: state for state in every if state["certified"] or state["label"] == label}
+    states = {state.label: state for state in every if state.certified or state.label == label}
     found, own = {label}, {label}
     links = [
-        (state["label"], state["parent"], not OTHER_MINIMA.isdisjoint(state["event_kinds"]))
+        (state.label, state.parent, not OTHER_MINIMA.isdisjoint(state.event_kinds))
         for state in states.values()
-        if state["parent"] in states and _regridded(states[state["parent"]], state)
+        if state.parent in states and _regridded(states[state.parent], state)
     ]
     for child, parent, _ in links:  # parents come before their children
         own |= {child} if parent in own else set()
@@ -148,15 +148,14 @@ def _relatives(run: Run, label: int) -> list[dict[str, Any]]:
     while size != len(found):
         size = len(found)
         for child, parent, other in links:
-            if not other and states[label]["certified"] and (child in found) != (parent in found):
+            if not other and states[label].certified and (child in found) != (parent in found):
                 found |= {child, parent}
-    return [state for key, state in states.items() if key in found | own and state["certified"]]
+    return [state for key, state in states.items() if key in found | own and state.certified]
 
 
-def _regridded(before: Mapping[str, Any], after: Mapping[str, Any]) -> bool:
+def _regridded(before: Summary, after: Summary) -> bool:
     """Whether a step led to another N at the same width."""
-    same = same_width(before["half_width"], after["half_width"])
-    return same and before["segments"] != after["segments"]
+    return same_width(before.half_width, after.half_width) and before.segments != after.segments
 
 
 def _grids(ref: str, segments: int, to: int | None, levels: int | None, method: str) -> list[int]:

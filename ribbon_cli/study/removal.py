@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from ..errors import UsageError
-from ..store import Run, typed
+from ..store import Run, Summary, typed
 from ..text import ranges
 from .branch_tables import courses
 from .outcome import Course
-from .repeat import by_command
+
+_CROSSING = re.compile(r"branch from (\d{1,12}) side ")
 
 
 @dataclass(frozen=True)
@@ -31,11 +33,11 @@ def removal_of(
     `dependents`. Raises UsageError for a state or branch of the config, which the next solve would compute
     again; for one from which others came, unless these go as well; and for a branch that is not there.
     """
-    states = {state["label"]: state for state in run.states(all=True)}
+    states = {state.label: state for state in run.states(all=True)}
     branches = courses(run)
     chosen = [_branch(run, branches, number) for number in numbers]
     wanted = {*labels, *(point.label for course in chosen for point in course.points)}
-    stages = {label: state["stage"] for label, state in states.items()}
+    stages = {label: state.stage for label, state in states.items()}
     of_config = [stages[label] for label in sorted(wanted)] + [f"{course.name}, " for course in chosen]
     for stage in of_config:
         if not by_command(stage, stages):
@@ -74,6 +76,17 @@ def remove(run: Run, removal: Removal, **request: Any) -> None:
         run.remove_states(removal.labels, removal.branches)
 
 
+def by_command(stage: str, stages: Mapping[int, str]) -> bool:
+    """Whether a stage is one of `ribbon refine` or `ribbon continue`, and no config leads to it.
+
+    `stages` are those of the run by label: a branch that crosses another is of whoever asked for that one.
+    """
+    left = dict(stages)  # each is looked at once, whatever a log says
+    while crossing := _CROSSING.match(stage):
+        stage = left.pop(int(crossing[1]), "")
+    return stage.startswith(("state ", "from ", "branch from "))
+
+
 def _branch(run: Run, branches: Sequence[Course], number: int) -> Course:
     """A branch by its number. Raises UsageError."""
     if not 1 <= number <= len(branches):
@@ -84,23 +97,21 @@ def _branch(run: Run, branches: Sequence[Course], number: int) -> Course:
     return branches[number - 1]
 
 
-def _saddles_on_the_way(states: Mapping[int, Mapping[str, Any]], wanted: Collection[int]) -> Iterator[int]:
+def _saddles_on_the_way(states: Mapping[int, Summary], wanted: Collection[int]) -> Iterator[int]:
     """The saddles that were left on the way to states."""
-    ended = {states[label]["stage"] for label in wanted}
-    return (label for label, state in states.items() if state["kind"] == "saddle" and state["stage"] in ended)
+    ended = {states[label].stage for label in wanted}
+    return (label for label, state in states.items() if state.kind == "saddle" and state.stage in ended)
 
 
-def _with_dependents(states: Mapping[int, Mapping[str, Any]], labels: Collection[int]) -> set[int]:
+def _with_dependents(states: Mapping[int, Summary], labels: Collection[int]) -> set[int]:
     """States with all that came from them. A saddle counts as come from by the state that ended its stage:
     computed again, a stage goes by how many of its saddles are stored.
     """
     found, size = set(labels), -1
     while size != len(found):
         size = len(found)
-        ended = {states[label]["stage"] for label in found}
-        found |= {
-            label for label, state in states.items() if state["parent"] in found or state["stage"] in ended
-        }
+        ended = {states[label].stage for label in found}
+        found |= {label for label, state in states.items() if state.parent in found or state.stage in ended}
     return found
 
 

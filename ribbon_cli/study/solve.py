@@ -17,11 +17,11 @@ from typing import TYPE_CHECKING
 from ..config import Arclength, Config, dump_resolved
 from ..errors import UsageError
 from ..facts import same_width
-from ..store import Run, StateRecord, configs
+from ..store import Run, Summary, configs
 from ..store.folder import is_run
+from .config_changes import what_changed
 from .failure import Failure, failure_of
 from .journal import run_or_read
-from .nearest import what_changed
 from .outcome import Course, Outcome, Target
 from .plan import (
     guess_notes,
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from ..model.band import State
     from .given import Given
 
-_COMPUTING = (".guess", ".stepping", ".contact", ".branch", "..solver.kinship")
+_COMPUTING = (".guess", ".stepping", ".contact", ".branch")
 """Modules that compute, with all that they import. A run that lasts takes them in at once: one that is first
 asked for hours later may be of another version by then, and no state would say so."""
 
@@ -154,7 +154,7 @@ class _Study:
             tuple(self.courses),
         )
 
-    def _start(self) -> StateRecord | None:
+    def _start(self) -> Summary | None:
         """The freed guess, or None with `stopped` set."""
         for note in guess_notes(self.config):
             self.journal.note(note)
@@ -180,7 +180,7 @@ class _Study:
             self._stop_at(stage, record, "`steps` of the recipe")
         return record
 
-    def _stored_start(self, stage: str) -> StateRecord | None:
+    def _stored_start(self, stage: str) -> Summary | None:
         """The freed guess, if it and all that led to it are stored."""
         line = self.journal.ancestry(stage)
         if any(self.journal.lacks_saddle(record.stage) for record in line):
@@ -190,13 +190,13 @@ class _Study:
                 self.walk.begin(record.stage, record.half_width, record.segments)
         return line[-1] if line else None
 
-    def _kept(self, record: StateRecord) -> bool:
+    def _kept(self, record: Summary) -> bool:
         """Whether this is a saddle at which the config asks to begin."""
         return self.config.guess.keep_saddle and record.status == "saddle"
 
     # --- widths ---
 
-    def _widths(self, current: StateRecord) -> None:
+    def _widths(self, current: Summary) -> None:
         """The schedule of widths from the freed guess, each with its refinement."""
         start = current
         for k, (b, visit) in enumerate(visits(self.config.widths or (start.half_width,))):
@@ -215,9 +215,9 @@ class _Study:
         self.in_contact = True
         self._stop(f"the band touches itself from b = {half_width:.10g}: contact: stop ends the schedule")
 
-    def _reach(self, current: StateRecord, b: float, visit: int) -> StateRecord:
+    def _reach(self, current: Summary, b: float, visit: int) -> Summary:
         """Continue to width b, halving steps that fail; the last state reached, `stopped` if it is not b."""
-        before: StateRecord | None = None
+        before: Summary | None = None
         while True:
             following = self._stored_step(current, b, visit) or self._step(before, current, b, visit)
             if following is None:
@@ -229,7 +229,7 @@ class _Study:
             if current.kind == "equilibrium" or self.stopped is not None:
                 return current
 
-    def _stored_step(self, current: StateRecord, b: float, visit: int) -> StateRecord | None:
+    def _stored_step(self, current: Summary, b: float, visit: int) -> Summary | None:
         goal = width_name(b, visit)
         # Most steps were not halved: the names of the halves are made where there was need of them.
         candidates = [(goal, b)] if self.journal.has(goal) else width_steps(current.half_width, b, visit)
@@ -242,9 +242,7 @@ class _Study:
                 return record
         return None
 
-    def _step(
-        self, before: StateRecord | None, current: StateRecord, b: float, visit: int
-    ) -> StateRecord | None:
+    def _step(self, before: Summary | None, current: Summary, b: float, visit: int) -> Summary | None:
         """The longest step towards a width that works, computed; `stopped` is set where none does."""
         from .stepping import longest_step
 
@@ -255,7 +253,7 @@ class _Study:
             self._stop_at(following.stage, following)
         return following
 
-    def _contact_between(self, before: StateRecord, after: StateRecord, b: float) -> float | None:
+    def _contact_between(self, before: Summary, after: Summary, b: float) -> float | None:
         """Half-width at which self-contact begins or ends on a step towards a width, where it does."""
         if before.self_contact == after.self_contact:
             return None
@@ -265,7 +263,7 @@ class _Study:
         found = locate_contact(self.walk, before, after, next(filter(None, beside), ()))
         return found[0].half_width if found else None
 
-    def _branches(self, start: StateRecord, request: Arclength) -> None:
+    def _branches(self, start: Summary, request: Arclength) -> None:
         """The branch through the freed guess, and those that cross it if the config asks for them."""
         self.targets.append(replace(_target(start), kept=self._kept(start)))
         if self.stopped is not None:
@@ -276,13 +274,13 @@ class _Study:
             request = replace(request, stop_at=(*request.stop_at, "contact"))
         from .branch import Branches
 
-        branches = Branches(self.walk, request, start)
+        branches = Branches(self.walk, request, self.journal.load(start))
         self.courses = branches.courses
         branches.follow("branch")
 
     # --- refinement ---
 
-    def _refine(self, record: StateRecord, b: float, visit: int) -> None:
+    def _refine(self, record: Summary, b: float, visit: int) -> None:
         """Refine a width's state level by level."""
         levels = refined_at(self.config, b)
         for k, n in enumerate(levels):
@@ -303,7 +301,7 @@ class _Study:
         self.stopped = why
         self.journal.note(why)
 
-    def _stop_at(self, stage: str, record: StateRecord, steps: str = "") -> None:
+    def _stop_at(self, stage: str, record: Summary, steps: str = "") -> None:
         self._stop(failure_of(record, stage, steps).sentence)
 
     def _missed(self, half_width: float, levels: Sequence[int], why: str | None = None) -> None:
@@ -327,5 +325,5 @@ def _is_everted(config: Config, given: Given | None) -> bool:
     return config.half_twists == 0 and not_everted(given.state) is None
 
 
-def _target(record: StateRecord) -> Target:
+def _target(record: Summary) -> Target:
     return Target(record.half_width, record.segments, record.label, True, record.certified, record.message)

@@ -3,95 +3,117 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from ..config import Config
 from ..errors import RibbonError, StoreError
 from ..solver.status import Status
-from ..store import Run
+from ..store import Run, Summary
+from ..store.events import Ended, Event
+from ..store.lock import Holder
 from .plan import plan_of, start_name
-from .resolved import resolved_config
+from .run_config import resolved_config
 
 RUN_STATUSES = ("complete", "running", "waiting", "failed", "damaged", "unknown")
 """Words for a run as a whole: all targets certified; being written to; targets left; targets missed; ..."""
 STATE_STATUSES = (*(status.value for status in Status), "missing", "unreadable", "damaged")
 """Words for a state: outcomes of a solve, or what has become of its file."""
 
-Place = tuple[float, int]
+Place = tuple[float | None, int]
 
 
-def standing(run: Run) -> dict[str, Any]:
-    """A run in a few words, JSON-able; `damage` is empty or says why the rest is unknown.
-
-    Of the equilibria that the config names, `done` have a certificate, `failed` were not reached or have
+@dataclass(frozen=True)
+class Counts:
+    """Of the equilibria that a config names, `done` have a certificate, `failed` were not reached or have
     none, `running` is in hand and `waiting` is left; None where the config does not tell.
     """
-    facts: dict[str, Any] = {
-        "name": run.name,
-        "short_name": run.short_name,
-        "path": str(run.path),
-        "aside": run.is_aside,
-    }
-    unknown = ("equilibria", "states", "last_change", "complete", "done", "running", "waiting", "failed")
+
+    complete: bool | None = None
+    done: int | None = None
+    running: int | None = None
+    waiting: int | None = None
+    failed: int | None = None
+
+
+@dataclass(frozen=True)
+class Standing:
+    """A run in a few words; `damage` is empty or says why the rest is unknown."""
+
+    run: Run
+    status: str
+    equilibria: int | None = None
+    states: int | None = None
+    last_change: str | None = None
+    counts: Counts = Counts()
+    holder: Holder | None = None
+    damage: str = ""
+
+    def to_dict(self) -> dict[str, Any]:
+        """The run for JSON, as `ribbon ls` gives it."""
+        run = self.run
+        return {
+            "name": run.name,
+            "short_name": run.short_name,
+            "path": str(run.path),
+            "aside": run.is_aside,
+            "status": self.status,
+            "equilibria": self.equilibria,
+            "states": self.states,
+            "last_change": self.last_change,
+            **asdict(self.counts),
+            "holder": None if self.holder is None else asdict(self.holder),
+            "damage": self.damage,
+        }
+
+
+def standing(run: Run) -> Standing:
+    """How far a run has come. A damaged log is told, and raises nothing."""
     try:
         events = run.events()
         states = run.states()
     except StoreError as error:
-        return facts | {"status": "damaged"} | dict.fromkeys(unknown) | {"holder": None, "damage": str(error)}
+        return Standing(run, "damaged", damage=str(error))
     holder = run.holder()
-    counts = _counts(run, events, states, bool(holder))
-    return facts | {
-        "status": _status(counts, bool(holder)),
-        "equilibria": len(states),
-        "states": len(run.entries()),
-        "last_change": events[-1]["time"] if events else None,
-        **counts,
-        "holder": {key: holder[key] for key in ("pid", "host", "since")} if holder else None,
-        "damage": "",
-    }
+    counts = _counts(run, events, states, holder is not None)
+    changed = events[-1].time if events else None
+    status = _status(counts, holder is not None)
+    return Standing(run, status, len(states), len(run.entries()), changed, counts, holder)
 
 
-def _counts(
-    run: Run, events: list[dict[str, Any]], states: list[dict[str, Any]], held: bool
-) -> dict[str, Any]:
+def _counts(run: Run, events: list[Event], states: list[Summary], held: bool) -> Counts:
     """How many of the planned equilibria are in which state; a schedule may come to a place several times."""
     config = _config(run)
     planned = None if config is None else _planned(run, config)
     if config is None or planned is None:
-        return dict.fromkeys(("complete", "done", "running", "waiting", "failed"))
+        return Counts()
     kept = start_name(config) if config.guess.keep_saddle else None
     stages: dict[Place, set[str]] = {}
     good: dict[Place, set[str]] = {}
     for state in states:
-        place = (state["half_width"], state["segments"])
-        stages.setdefault(place, set()).add(state["stage"])
+        place = (state.half_width, state.segments)
+        stages.setdefault(place, set()).add(state.stage)
         # A point of a branch is what was asked for, stable or not, and so is the saddle that it begins at.
-        begins = state["stage"] == kept and state["status"] == "saddle"
-        if state["certified"] or state.get("branch") or begins:
-            good.setdefault(place, set()).add(state["stage"])
+        begins = state.stage == kept and state.status == "saddle"
+        if state.certified or state.branch or begins:
+            good.setdefault(place, set()).add(state.stage)
     reached = Counter({place: len(names) for place, names in stages.items()})
     done = planned & Counter({place: len(names) for place, names in good.items()})
-    ended = [event for event in events if event["event"] == "ended"]
-    missed = Counter((b, n) for b, n in ended[-1]["missed"]) if ended and not held else Counter()
-    planned = planned - Counter((b, n) for b, n in ended[-1].get("beyond", ())) if ended else planned
+    ended = [event for event in events if isinstance(event, Ended)]
+    missed = Counter(ended[-1].missed) if ended and not held else Counter()
+    planned = planned - Counter(ended[-1].beyond) if ended else planned
     failed = (planned - done) & (reached - done + missed)
     left = (planned - done - failed).total()
     running = int(held and left > 0)
-    return {
-        "complete": planned <= reached,
-        "done": done.total(),
-        "running": running,
-        "waiting": left - running,
-        "failed": failed.total(),
-    }
+    return Counts(planned <= reached, done.total(), running, left - running, failed.total())
 
 
-def _given(run: Run, config: Config) -> Place | None:
+def _given(run: Run, config: Config) -> tuple[float, int] | None:
     """Half-width and N that a given state brought, by what was made of it; None before that."""
     if config.guess.recipe != "state":
         return None
-    made = (state for state in run.states(all=True) if state["stage"] == start_name(config))
-    return next(((state["half_width"], state["segments"]) for state in made), None)
+    made = (state for state in run.states(all=True) if state.stage == start_name(config))
+    return next(((state.half_width, state.segments) for state in made), None)
 
 
 def _config(run: Run) -> Config | None:
@@ -117,12 +139,12 @@ def _planned(run: Run, config: Config) -> Counter[Place] | None:
     return places
 
 
-def _status(counts: dict[str, Any], held: bool) -> str:
+def _status(counts: Counts, held: bool) -> str:
     """The run in one word."""
     if held:
         return "running"
-    if counts["done"] is None:
+    if counts.done is None:
         return "unknown"
-    if counts["waiting"]:
+    if counts.waiting:
         return "waiting"
-    return "failed" if counts["failed"] else "complete"
+    return "failed" if counts.failed else "complete"

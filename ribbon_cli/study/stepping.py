@@ -1,4 +1,4 @@
-"""A step from width to width, halved where it fails."""
+"""A step from a state of a branch: to another width, halved where it fails, or to another number of segments."""
 
 from __future__ import annotations
 
@@ -7,15 +7,18 @@ from dataclasses import replace
 
 from ..facts import Event, event
 from ..model.band import Array, State
-from ..solver.continuation import to_width
-from ..solver.status import Status
+from ..model.folding import ClosureError
+from ..model.problem import Problem
+from ..solver.continuation import Move, to_segments, to_width
+from ..solver.kinship import another_minimum
+from ..solver.status import Result, Status
 from ..solver.tracking import PARTS
-from ..store import StateRecord
+from ..store import Summary
 from .acceptance import converged
 from .failure import Failure
 from .plan import MOST_HALVINGS, width_name, width_steps
 from .records import multipliers_of, state_of
-from .walk import Ended, Stage, Walk, moved
+from .walk import Ended, Stage, Walk
 
 
 def width_step(
@@ -30,20 +33,47 @@ def width_step(
     move = to_width(state, multipliers, half_width, walk.options, parts)
     result = walk.checked(move.result)
     if result.status is Status.MINIMUM:
-        return moved(move, result, before)
+        return _moved(move, result, before)
     facts = {"start": state.band.half_width, "end": half_width}
-    return Failure("step", result.status, result.detail, facts, attempt=moved(move, result))
+    return Failure("step", result.status, result.detail, facts, attempt=_moved(move, result))
+
+
+def refined(
+    walk: Walk, start: Summary, segments: int, stage: str, *, splitting: bool = False
+) -> Ended | Failure:
+    """The equilibrium on another number of segments that a state's shape leads to."""
+    state = state_of(walk.journal.load(start))
+    try:
+        move = to_segments(state, segments, walk.options, splitting=splitting)
+    except ClosureError as error:
+        return Failure("refinement", None, str(error), {"stage": stage})
+    result = walk.checked(move.result)
+    if not converged(result):
+        return Failure("solve", result.status, result.detail, {"stage": stage}, "an N in between")
+    if result.certified and start.certified:
+        kin = another_minimum(state, result.state, walk.options)
+        move = replace(move, events=(*move.events, kin)) if kin else move
+    return _moved(move, result)
+
+
+def _moved(move: Move, result: Result, before: tuple[Event, ...] = ()) -> Ended:
+    """The end of a step along a branch with what was met on the way."""
+    # A saddle that ends the step is the last that was met.
+    saddles = move.saddles[:-1] if result.status is Status.SADDLE else move.saddles
+    met = replace(result, saddles=saddles, steps=move.steps)
+    return Ended(Problem(move.band), met, move.method, move.events, before)
 
 
 def longest_step(
-    walk: Walk, before: StateRecord | None, current: StateRecord, b: float, visit: int
-) -> tuple[StateRecord | None, Failure | None]:
+    walk: Walk, before: Summary | None, current: Summary, b: float, visit: int
+) -> tuple[Summary | None, Failure | None]:
     """Compute and store the longest step towards width b that works; also why none does, if none does.
 
     `before` is the state from which a halved step towards b led to the current one, None if none did. A state
     at b that is reached without a certificate is stored, and returned with the failure.
     """
-    state, multipliers = state_of(current), multipliers_of(current)
+    record = walk.journal.load(current)
+    state, multipliers = state_of(record), multipliers_of(record)
     names = width_steps(current.half_width, b, visit)
     stages = [
         Stage(name, width, current.segments, "equilibrium" if width == b else "intermediate", current.label)
@@ -65,8 +95,8 @@ def longest_step(
 
 
 def _given_up(
-    walk: Walk, current: StateRecord, b: float, visit: int, failures: tuple[Failure, ...]
-) -> tuple[StateRecord | None, Failure]:
+    walk: Walk, current: Summary, b: float, visit: int, failures: tuple[Failure, ...]
+) -> tuple[Summary | None, Failure]:
     """Why no step towards a width succeeds, with the state at that width if one was reached uncertified."""
     beyond = [why.values["end"] for why in failures if why.status is Status.LEFT_BRANCH]
     if beyond:
@@ -92,7 +122,7 @@ def _given_up(
     return walk.store(stage, end), why
 
 
-def _first_candidate(before: StateRecord | None, current: StateRecord, b: float) -> int:
+def _first_candidate(before: Summary | None, current: Summary, b: float) -> int:
     """Where to begin halving: at twice the step that led here, if that was a halved one.
 
     Read off the stored states, so that a resumed run takes the same steps.

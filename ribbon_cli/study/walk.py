@@ -1,6 +1,6 @@
 """The walk through a run's stages: each is loaded if it is stored, else solved for, checked and committed.
 
-As in the journal, model and solver are imported when there is something to compute.
+As in the journal, model and solver are imported, and arrays are read, when there is something to compute.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from ..facts import Event
-from ..store import BranchRecord, Run, StateRecord
+from ..store import BranchRecord, Run, Summary
 from ..store.events import GIVEN_UP
 from .clock import Clock, Origin
 from .failure import Failure
@@ -21,7 +21,6 @@ from .progress import Progress
 if TYPE_CHECKING:
     from ..config import SpectrumRequest
     from ..model.problem import Problem
-    from ..solver.continuation import Move
     from ..solver.newton import Options
     from ..solver.status import Result
     from .records import Reached
@@ -111,12 +110,12 @@ class Walk:
 
     # --- one stage ---
 
-    def reach(self, stage: Stage, solve: Solve) -> StateRecord | Failure:
+    def reach(self, stage: Stage, solve: Solve) -> Summary | Failure:
         """Announce a stage and come to its end."""
         self.begin(stage.name, stage.half_width, stage.segments)
         return self.end_of(stage, solve)
 
-    def end_of(self, stage: Stage, solve: Solve, clock: Clock | None = None) -> StateRecord | Failure:
+    def end_of(self, stage: Stage, solve: Solve, clock: Clock | None = None) -> Summary | Failure:
         """The end of a stage, which is stored or is solved for and committed; the failure where it has none.
 
         Saddles that were met on the way to a stored end, and were lost since, are met again and stored.
@@ -151,7 +150,7 @@ class Walk:
         facts = {"start": stage.start, "end": stage.half_width}
         return None if kept is None else Failure("step", *kept, facts)
 
-    def store(self, stage: Stage, end: Ended) -> StateRecord:
+    def store(self, stage: Stage, end: Ended) -> Summary:
         """Store a stage's end and the saddles that it left; equilibria get their spectra."""
         self.tell(stage.name, end.events)
         spectrum = self.spectrum if stage.kind == "equilibrium" else None
@@ -188,7 +187,7 @@ class Walk:
         stages: Iterable[Stage],
         solve: Callable[[Stage, tuple[Event, ...]], Ended | Failure],
         halved: Callable[[Stage, Failure], Event | str],
-    ) -> tuple[StateRecord | None, tuple[Failure, ...]]:
+    ) -> tuple[Summary | None, tuple[Failure, ...]]:
         """The end of the first stage that has one, each being half as far as the one before, and the failures
         of those before it.
 
@@ -198,7 +197,7 @@ class Walk:
         events: list[Event] = []
         for stage in stages:
             end = self.reach(stage, partial(solve, stage, tuple(events)))
-            if isinstance(end, StateRecord):
+            if isinstance(end, Summary):
                 return end, tuple(failures)
             failures.append(end)
             what = halved(stage, end)
@@ -207,42 +206,16 @@ class Walk:
         return None, tuple(failures)
 
     def refine(
-        self, record: StateRecord, segments: int, stage: str, kind: str, *, splitting: bool = False
-    ) -> StateRecord | Failure:
+        self, start: Summary, segments: int, stage: str, kind: str, *, splitting: bool = False
+    ) -> Summary | Failure:
         """The state refined to another number of segments."""
 
         def solve() -> Ended | Failure:
-            from ..model.folding import ClosureError
-            from ..solver.continuation import to_segments
-            from ..solver.kinship import another_minimum
-            from .acceptance import converged
-            from .records import state_of
+            from .stepping import refined
 
-            state = state_of(record)
-            try:
-                move = to_segments(state, segments, self.options, splitting=splitting)
-            except ClosureError as error:
-                return Failure("refinement", None, str(error), {"stage": stage})
-            result = self.checked(move.result)
-            if not converged(result):
-                return Failure("solve", result.status, result.detail, {"stage": stage}, "an N in between")
-            if result.certified and record.certified:
-                kin = another_minimum(state, result.state, self.options)
-                move = replace(move, events=(*move.events, kin)) if kin else move
-            return moved(move, result)
+            return refined(self, start, segments, stage, splitting=splitting)
 
-        return self.reach(Stage(stage, record.half_width, segments, kind, record.label), solve)
-
-
-def moved(move: Move, result: Result, before: tuple[Event, ...] = ()) -> Ended:
-    """The end of a step along a branch with what was met on the way."""
-    from ..model.problem import Problem
-    from ..solver.status import Status
-
-    # A saddle that ends the step is the last that was met.
-    saddles = move.saddles[:-1] if result.status is Status.SADDLE else move.saddles
-    met = replace(result, saddles=saddles, steps=move.steps)
-    return Ended(Problem(move.band), met, move.method, move.events, before)
+        return self.reach(Stage(stage, start.half_width, segments, kind, start.label), solve)
 
 
 class Touching(Protocol):

@@ -33,7 +33,7 @@ def branch(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "widths: {from: 0.1, to: 0.86, steps: 19}\n"
     )
     run = solve(parse_config(text, "branch"), runs=folder).run
-    states = [run.load(state["label"]) for state in run.states()]
+    states = [run.load(state.label) for state in run.states()]
     assert len(states) == 20
     path = folder / "branch.html"
     path.write_bytes(viewer_html(states, "a branch", run.name))

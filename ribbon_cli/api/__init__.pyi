@@ -1,0 +1,16 @@
+from . import datasets as datasets
+from . import drawing as drawing
+from . import exporting as exporting
+from . import following as following
+from . import tables as tables
+from .following import Followed as Followed
+from .opening import load_state as load_state
+from .opening import open_state as open_state
+from .opening import solve as solve
+from .run import OpenRun as OpenRun
+from .run import open as open
+from .spectrum import Spectrum as Spectrum
+from .state import OpenState as OpenState
+from .watching import Note as Note
+from .watching import Stage as Stage
+from .watching import Step as Step

@@ -1,0 +1,16 @@
+from . import branches as branches
+from . import canvas as canvas
+from . import curves as curves
+from . import figure as figure
+from . import flat as flat
+from . import kinds as kinds
+from . import labels as labels
+from . import levels as levels
+from . import modes as modes
+from . import outline as outline
+from . import painter as painter
+from . import panels as panels
+from . import pictures as pictures
+from . import runs as runs
+from . import shape as shape
+from . import style as style
