@@ -304,16 +304,14 @@ def test_repair_restores_config_files_from_the_states(tmp_path):
     assert (run.path / "resolved.yaml").read_text() == RESOLVED
 
 
-@pytest.mark.parametrize(
-    ("kind", "after"), [("equilibrium", "as lost, and it will be computed again$"), ("saddle", "as lost$")]
-)
-def test_a_writer_goes_not_on_where_a_state_is_missing(kind, after, tmp_path):
+@pytest.mark.parametrize("kind", ["equilibrium", "saddle"])
+def test_a_writer_goes_not_on_where_a_state_is_missing(kind, tmp_path):
     run = make_run(tmp_path, states=1)
     with run.writing():
         run.commit(make_record(2, kind=kind))
         run.commit(make_record(3))
     run.state_path(2).unlink()
-    message = rf"0002\.h5: missing, though it was committed; `ribbon repair .*` marks it {after}"
+    message = r"0002\.h5: missing, .*; `ribbon repair .*` marks it as lost, and it will be computed again$"
     with pytest.raises(StoreError, match=message), run.writing():
         pass
     run.repair()

@@ -55,16 +55,13 @@ def sweep(folder: Path, events: Sequence[Event]) -> list[str]:
     gone, files = removed(events), _files(folder)
     for label in sorted(gone.keys() & files.keys()):
         notes.append(_delete_removed(files.pop(label), gone[label]))
-    states = (event.state for event in events if isinstance(event, Entry))
-    known = {state.label: state.kind for state in states if state.label not in gone}
-    adopted, more = _adopt(files, known.keys())
+    known = {event.state.label for event in events if isinstance(event, Entry)} - gone.keys()
+    adopted, more = _adopt(files, known)
     notes += more
-    for label in sorted(known.keys() - files.keys())[:1]:
-        # A saddle that was left is met again only if the state that was reached from it is lost as well.
-        again = "" if known[label] == "saddle" else ", and it will be computed again"
+    for label in sorted(known - files.keys())[:1]:
         raise StoreError(
             f"{folder / state_name(label)}: missing, though it was committed; "
-            f"`ribbon repair {named(folder)}` marks it as lost{again}"
+            f"`ribbon repair {named(folder)}` marks it as lost, and it will be computed again"
         )
     configs.require(folder, events)
     if notes:

@@ -1,4 +1,4 @@
-"""A step from a state of a branch: to another width, halved where it fails, or to another number of segments."""
+"""A step from a state: to another width, halved where it fails, or to another number of segments."""
 
 from __future__ import annotations
 
