@@ -126,10 +126,10 @@ def ended_after_commits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, config:
     """The folder as it is after a commit, and from there on: the same states, targets and failures."""
     asked, commit = parse_config(config, "band.yaml"), Run.commit
 
-    def copied(run: Run, record) -> int:
-        label = commit(run, record)
-        shutil.copytree(run.path, tmp_path / f"after-{label}" / run.name)
-        return label
+    def copied(run: Run, record):
+        state = commit(run, record)
+        shutil.copytree(run.path, tmp_path / f"after-{state.label}" / run.name)
+        return state
 
     with monkeypatch.context() as patch:
         patch.setattr(Run, "commit", copied)
