@@ -82,7 +82,7 @@ def shell(tmp_path: Path) -> dict[str, str]:
 
 def followed_first(page: Path) -> bool:
     """Whether users meet a page first: its examples are in `make test`, the others' in `make test-docs`."""
-    return page.name in ("README.md", "tutorial.md", "CONTRIBUTING.md") or page.parent.name == "howto"
+    return page.parent == ROOT
 
 
 @pytest.mark.parametrize(

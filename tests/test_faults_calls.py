@@ -109,7 +109,7 @@ def fail_each(folder, monkeypatch, codes: Callable[[int], tuple[int, ...]]) -> l
 
 
 def test_every_call_fails_once(folder, monkeypatch):
-    """Every second call with one of the codes in turn, writes also short; the test below takes all of them."""
+    """Every second call with one of the codes in turn, writes also short; the next test takes all."""
     names = fail_each(
         folder, monkeypatch, lambda n: (CODES[n // 2 % len(CODES)], SHORT)[: n % 2 + (n % 10 == 1)]
     )
