@@ -125,6 +125,6 @@ def _write(settings: Settings, document: dict[str, Any], style: str, output: str
     text = (
         json.dumps(store.log.to_json(document), indent=2) + "\n"
         if style == "json"
-        else report.spectra.renderers(document)[style](document)
+        else report.spectra.render(document, style)
     )
     deliver(settings, text, output)

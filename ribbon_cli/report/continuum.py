@@ -13,6 +13,7 @@ from typing import Any
 
 from ribbon_cli.digits import fixed
 from ribbon_cli.store.refs import same_width
+from ribbon_cli.text import aligned
 
 MISSING = "-"
 
@@ -142,7 +143,7 @@ def state_text(state: Continuum) -> str:
         for q in group:
             cells = lines.setdefault(q.name, [q.name, q.equation, *[""] * len(zones)])
             cells[2 + (zones.index(q.zone) if q.zone else len(zones) - 1)] = _size(q.value, q.limit)
-        blocks.append(_aligned([[section, "equation", *zones], *lines.values()], words=2))
+        blocks.append(aligned([[section, "equation", *zones], *lines.values()], left=(0, 1)))
     return "\n\n".join(blocks) + "\n"
 
 
@@ -166,7 +167,7 @@ def _table_text(table: OrderTable) -> str:
             head = ["", ""] if row.name == name else [row.name, row.equation]
             name = row.name
             lines.append([*head, row.zone, *values, *gap, *orders])
-        blocks.append(_aligned(lines, words=3))
+        blocks.append(aligned(lines, left=(0, 1, 2)))
     return "\n\n".join(blocks) + "\n"
 
 
@@ -200,16 +201,3 @@ def _size(value: float | None, limit: bool) -> str:
     if value is None or math.isnan(value):
         return MISSING
     return fixed(value, 6) if limit else f"{value:.1e}"
-
-
-def _aligned(lines: Sequence[Sequence[str]], words: int) -> str:
-    """Columns two spaces apart, the first `words` of them aligned on the left."""
-    widths = [max(len(line[k]) for line in lines) for k in range(len(lines[0]))]
-    text = []
-    for line in lines:
-        cells = [
-            cell.ljust(width) if k < words else cell.rjust(width)
-            for k, (cell, width) in enumerate(zip(line, widths, strict=True))
-        ]
-        text.append("  ".join(cells).rstrip())
-    return "\n".join(text)
