@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 from dataclasses import asdict
-from typing import Any
 
 import click
 
@@ -82,14 +81,10 @@ def check(settings: Settings, config: str) -> None:
         loaded = configs.load_config(config)
     except configs.ConfigError as error:
         if settings.json:
-            emit_json({"valid": False, "path": config, "problems": _problems(error)})
+            problems = [asdict(mistake) for mistake in error.mistakes]
+            emit_json({"valid": False, "path": config, "problems": problems})
         raise
     _show_plan(settings, loaded)
-
-
-def _problems(error: configs.ConfigError) -> list[dict[str, Any]]:
-
-    return [asdict(mistake) for mistake in error.mistakes]
 
 
 def _show_plan(settings: Settings, config: configs.Config) -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 from ribbon_cli.digits import fixed
@@ -169,16 +169,6 @@ def _table_text(table: OrderTable) -> str:
             lines.append([*head, row.zone, *values, *gap, *orders])
         blocks.append(aligned(lines, left=(0, 1, 2)))
     return "\n\n".join(blocks) + "\n"
-
-
-def state_document(state: Continuum, run: str | None) -> dict[str, Any]:
-    """One state for programs; `run` is its run's name."""
-    return {"run": run, **asdict(state)}
-
-
-def tables_document(tables: Sequence[OrderTable], run: str | None) -> dict[str, Any]:
-    """Tables for programs; `run` is the run's name."""
-    return {"run": run, "tables": [asdict(table) for table in tables]}
 
 
 def _sections(items: Sequence[Any]) -> list[tuple[str, list[Any]]]:
