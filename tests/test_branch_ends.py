@@ -55,6 +55,7 @@ def check_long_steps(points: list[dict[str, Any]], end: tuple[str, float]) -> No
     assert met["width"]["energy"] == pytest.approx(50.671457411, abs=1e-9)
 
 
+@pytest.mark.large  # the next test follows the same branch from a config
 def test_a_branch_goes_on_past_a_branch_point_with_long_steps(band: Path) -> None:
     """It ended in an internal error at b = 1.3244, where interpolation left residuals of 1.15e-9."""
     words = ("my-band@b=0.2,N=40", "--to", "1.6", "--arclength", "--max-step", "0.3", "--runs", band, "-q")

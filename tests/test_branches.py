@@ -101,6 +101,7 @@ def test_the_same_line_again_finds_everything(fold_run):
     assert content_hashes(folder / "runs") == before
 
 
+@pytest.mark.faults
 def test_killed_and_resumed_a_branch_has_the_same_bytes(fold_run, tmp_path):
     """SIGKILL after so many states, and again further on, then the same line once more."""
     folder, _ = fold_run

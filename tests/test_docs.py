@@ -80,7 +80,18 @@ def shell(tmp_path: Path) -> dict[str, str]:
     return environment(PATH=path, PYTHONPATH=str(ROOT), PYTHONWARNINGS=warnings, TERM="dumb")
 
 
-@pytest.mark.parametrize("page", PAGES, ids=page_name)
+def followed_first(page: Path) -> bool:
+    """Whether users meet a page first: its examples are in `make test`, the others' in `make test-docs`."""
+    return page.parent == ROOT
+
+
+@pytest.mark.parametrize(
+    "page",
+    [
+        pytest.param(page, id=page_name(page), marks=() if followed_first(page) else pytest.mark.docs)
+        for page in PAGES
+    ],
+)
 def test_the_examples_run(page: Path, tmp_path: Path, shell: dict[str, str]) -> None:
     folder = tmp_path / "work"
     folder.mkdir()

@@ -77,7 +77,7 @@ def test_the_stages_are_stored_with_the_rejoined_band(tmp_path: Path) -> None:
     assert names[:11] == [f"eversion {k}/10" for k in range(11)]
     solved = [s for s in auxiliary if s.stage.startswith("eversion")]
     assert all(s.certified and abs(s.linking_number) < 1e-9 for s in solved)
-    last, joined = run.load(solved[-1]["label"]), run.load(auxiliary[-1]["label"])
+    last, joined = run.load(solved[-1].label), run.load(auxiliary[-1].label)
     assert joined.stage == "halves rejoined"
     assert joined.cut_node is None
     assert (joined.status, joined.certified) == ("constructed", False)
@@ -98,8 +98,8 @@ def test_steps_that_fail_are_halved_and_reported(tmp_path: Path) -> None:
     solved = [s for s in states if s.stage.startswith("eversion")]
     assert [s.stage for s in solved] == ["eversion 0/1", "eversion 0.5/1", "eversion 1/1"]
     assert [len(s.events) for s in solved] == [0, 1, 0]
-    assert "a step from eversion 0/1 to 1 failed, halved" in solved[1]["events"][0]
-    assert solved[1]["parent"] == solved[0]["label"]
+    assert "a step from eversion 0/1 to 1 failed, halved" in solved[1].events[0]
+    assert solved[1].parent == solved[0].label
     assert states[-1].energy == pytest.approx(0.640012967, abs=5e-10)
     assert len(everted(tmp_path, 40, steps=1)[0].states(all=True)) == len(states)
 
@@ -160,7 +160,7 @@ def test_the_ring_is_not_everted() -> None:
 
 def test_an_everted_state_stays_one_when_refined(tmp_path: Path) -> None:
     run, _ = everted(tmp_path, 40)
-    outcome = refine_state(tmp_path, f"{run.path.name}:{run.states()[0]['label']}", to=80)
+    outcome = refine_state(tmp_path, f"{run.path.name}:{run.states()[0].label}", to=80)
     assert outcome.exit_code == 0
     record = run.load(outcome.targets[0].label or 0)
     assert not_everted(state_of(record)) is None

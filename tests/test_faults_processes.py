@@ -65,7 +65,7 @@ def rounds(tmp_path: Path, count: int) -> None:
 
 
 def test_eight_processes_at_one_run(tmp_path):
-    rounds(tmp_path, 5)
+    rounds(tmp_path, 3)
 
 
 @pytest.mark.faults

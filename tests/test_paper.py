@@ -41,6 +41,7 @@ def test_every_item_has_its_configs_and_target():
     assert {line.split()[-1] for line in done.stdout.splitlines() if "-m paper" in line} == named
 
 
+@pytest.mark.large
 def test_one_figure_alone(tmp_path):
     """Figure 3.1, twice: the second time nothing is solved, and every file is the same."""
     said: list[str] = []

@@ -37,9 +37,9 @@ def test_a_band_that_is_open_by_a_thousandth_is_closed_and_that_is_said(opened):
     assert result.exit_code == 0, result.output
     assert "of its length apart: closed by fold angles, which turn facets by up to" in result.stderr
     state = ribbon_json("show", "band:1")
-    assert any("closed by fold angles" in event for event in state.events)
-    assert state.certified
-    assert state.energy == pytest.approx(0.972161015, abs=1e-8)
+    assert any("closed by fold angles" in event for event in state["events"])
+    assert state["certified"]
+    assert state["energy"] == pytest.approx(0.972161015, abs=1e-8)
 
 
 def test_a_band_that_closes_is_taken_as_it_is(opened):

@@ -45,7 +45,7 @@ def interrupt(folder: Path, number: int, wanted: int, delay: float) -> int:
     return process.returncode
 
 
-@pytest.mark.slow
+@pytest.mark.faults
 def test_killed_again_and_again(left_alone, tmp_path):
     """Each kill comes some states further on, at another moment between two of them."""
     expected, seconds = left_alone

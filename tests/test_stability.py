@@ -183,6 +183,15 @@ def test_a_pair_that_the_list_cuts_has_a_parity_too() -> None:
     assert abs(found.modes[-1].symmetry["C2"]) == pytest.approx(1.0)
 
 
+def test_rotations_have_no_parity_where_they_have_no_length() -> None:
+    """In folding coordinates they do not move at all; noise divided by noise is no number to show."""
+    found = stability(pi_band(100, THESIS), metric="folding", modes=4)
+    rotations, others = found.modes[:3], found.modes[3:]
+    assert [mode.label for mode in rotations] == ["rotation"] * 3
+    assert all(np.isnan(value) for mode in rotations for value in mode.symmetry.values())
+    assert all(mode.parity in ("s", "a") for mode in others)
+
+
 def test_modes_have_unit_length_and_their_values() -> None:
     place = pi_band(100, VALUE_AVERAGE)
     found = stability(place)

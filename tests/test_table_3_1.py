@@ -77,6 +77,7 @@ def test_refinement_by_hand_gives_the_same(table: Outcome, root: Path) -> None:
     assert state.energy == pytest.approx(energies[0.5, 400], rel=1e-9)
 
 
+@pytest.mark.large
 def test_the_left_handed_band_has_the_same_energies(table: Outcome, root: Path) -> None:
     config = load_config(CONFIGS / "mobius-pi-left.yaml")
     left = solve_config(replace(config, spectrum=WITHOUT_SPECTRA), root)

@@ -188,10 +188,13 @@ def _image(symmetry: Symmetry, state: State, block: Array) -> Array:
 
 
 def _characters(state: State, metric: str, vectors: Array, named: dict[str, Symmetry]) -> dict[str, Array]:
-    """<v, T v> (m,) of modes of unit length for each symmetry."""
+    """<v, T v>/<v, v> (m,) of modes for each symmetry T; NaN for modes that have no length in the metric, as
+    rotations have none in folding coordinates.
+    """
     mass = metric_named(metric).matrix(state)
     block = vectors.reshape(vectors.shape[0], -1).T
-    size = np.maximum(np.einsum("ij,ij->j", block, mass @ block), np.finfo(float).tiny)
+    size = np.einsum("ij,ij->j", block, mass @ block)
+    size[size <= np.finfo(float).eps * abs(mass).max() * np.einsum("ij,ij->j", block, block)] = np.nan
     return {
         name: np.einsum("ij,ij->j", block, mass @ _image(symmetry, state, block)) / size
         for name, symmetry in named.items()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -132,8 +133,8 @@ def _spectrum_rows(document: Document) -> list[list[str]]:
 
 
 def _sign(character: float | None) -> str:
-    """+ for symmetric, - for antisymmetric, else the number."""
-    if character is None:
+    """+ for symmetric, - for antisymmetric, else the number; nothing where there is none."""
+    if character is None or math.isnan(character):
         return ""
     return "+" if character > 0.999 else "-" if character < -0.999 else f"{character:.3f}"
 
