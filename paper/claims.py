@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ribbon_cli.export.fields import Window, even_window, field, inflections
+from ribbon_cli.export.fields import even_window, field, inflections
 from ribbon_cli.export.mesh import ODD_FIELDS
 
 if TYPE_CHECKING:
@@ -59,11 +59,16 @@ def _where(record: StateRecord) -> str:
     return f"b = {record.half_width:g}, N = {record.segments}"
 
 
+def _facet(record: StateRecord) -> float:
+    """Length h of a facet."""
+    return record.length / record.segments
+
+
 def _places(record: StateRecord) -> Array:
     """Inflections in the window in which figures are drawn, ascending."""
     window = even_window(record)
-    h = record.length / record.segments
-    return np.sort((inflections(record) - window.first * h + window.offset) % record.length)
+    first = window.first * _facet(record)
+    return np.sort((inflections(record) - first + window.offset) % record.length)
 
 
 def inflection_count(record: StateRecord, expected: int) -> Check:
@@ -84,12 +89,12 @@ def half_a_band_apart(record: StateRecord) -> Check:
     places = _places(record)
     if places.size != 2:
         return Check("the two points lie half a band apart", "two points", f"{places.size}", False)
-    gap = float(places[1] - places[0])
+    gap, h = float(places[1] - places[0]), _facet(record)
     return Check(
         "the two points lie near alpha = 1.5 and 4.7, half a band apart",
-        f"apart by l/2 = {record.length / 2:.5f} to one facet, h = {record.length / record.segments:.5f}",
+        f"apart by l/2 = {record.length / 2:.5f} to one facet, h = {h:.5f}",
         f"{places[0]:.4f} and {places[1]:.4f}, apart by {gap:.5f}",
-        abs(gap - record.length / 2) <= record.length / record.segments,
+        abs(gap - record.length / 2) <= h,
         "the origin is ours to choose, and chosen so that they lie evenly",
     )
 
@@ -133,17 +138,16 @@ def _torsion_shares(record: StateRecord, further: int) -> list[float]:
 
 def _coarse(record: StateRecord) -> str:
     """A warning where facets are longer than half the layers beside inflections, of width b."""
-    ratio = record.length / record.segments / record.half_width
+    ratio = _facet(record) / record.half_width
     return f"; h = {ratio:.2f} b does not resolve layers of width b" if ratio > 0.5 else ""
 
 
 def extremum_at_inflections(record: StateRecord, names: Sequence[str] = MULTIPLIERS) -> list[Check]:
     """Whether multipliers have a local extremum within `NEAR` facets of each inflection."""
-    window = even_window(record)
-    h = record.length / record.segments
+    h = _facet(record)
     checks = []
     for name in names:
-        alpha, values = _second_order(record, name, window)
+        alpha, values = _second_order(record, name)
         distances = [_distance_to_extremum(alpha, values, place) / h for place in _places(record)]
         worst = max(distances, default=math.inf)
         checks.append(
@@ -160,14 +164,14 @@ def extremum_at_inflections(record: StateRecord, names: Sequence[str] = MULTIPLI
     return checks
 
 
-def _second_order(record: StateRecord, name: str, window: Window) -> tuple[Array, Array]:
-    """A multiplier as it approximates its field at second order: lambda_3 less h lambda_2 eta
-    (docs/errata.md).
-    """
+def _second_order(record: StateRecord, name: str) -> tuple[Array, Array]:
+    """A multiplier at second order: lambda_3 less h lambda_2 eta (docs/errata.md)."""
+    window = even_window(record)
     alpha, values = field(record, name, window)
     if name == "lambda_3":
-        h = record.length / record.segments
-        values = values - h * field(record, "lambda_2", window)[1] * field(record, "eta", window)[1]
+        values = (
+            values - _facet(record) * field(record, "lambda_2", window)[1] * field(record, "eta", window)[1]
+        )
     return alpha, values
 
 
@@ -180,14 +184,12 @@ def _distance_to_extremum(alpha: Array, values: Array, place: float) -> float:
 
 def largest_at_inflections(record: StateRecord, names: Sequence[str]) -> list[Check]:
     """Whether multipliers have their largest modulus at every inflection, to `LARGEST`."""
-    window = even_window(record)
-    h = record.length / record.segments
+    window, places, h = even_window(record), _places(record), _facet(record)
     checks = []
     for name in names:
         alpha, values = field(record, name, window)
         size = np.abs(values)
         at = float(alpha[int(size.argmax())])
-        places = _places(record)
         distance = float(np.abs(places - at).min()) / h
         beside = [float(size[np.argmin(np.abs(alpha - p))]) / float(size.max()) for p in places]
         shares = ", ".join(f"{100 * share:.4g} %" for share in beside)
@@ -209,7 +211,7 @@ def injectivity_nearly_active(record: StateRecord) -> Check:
     value = np.abs(np.tanh(xi))
     at = float(alpha[int(value.argmax())])
     distance = min((abs(at - place) for place in _places(record)), default=math.inf)
-    near = distance <= max(NEAR * record.length / record.segments, record.half_width)
+    near = distance <= max(NEAR * _facet(record), record.half_width)
     return Check(
         f"the injectivity constraint is nearly active close to an inflection ({_where(record)})",
         f"largest |tanh xi| above {NEARLY_ACTIVE:g}, within b or {NEAR:g} facets of an inflection",

@@ -17,6 +17,7 @@ from paper.claims import Check
 from paper.library import Library
 from paper.overturn import follow
 from paper.table import compare_with_thesis, texts, thesis_table
+from ribbon_cli import OpenRun, OpenState
 from ribbon_cli.analysis import multiplier_curves
 from ribbon_cli.digits import fixed
 from ribbon_cli.export.fields import inflections
@@ -55,15 +56,22 @@ TWIST_STEPS = 75
 
 @dataclass(frozen=True)
 class Made:
-    """A figure's pictures by panel, the references of its states, its checks, texts by suffix of file, and
-    what its runs were to reach and did not.
+    """A figure's pictures by panel, its states and runs, its checks, texts by suffix of file, and what its
+    runs were to reach and did not.
     """
 
     pictures: dict[str, Figure]
-    sources: tuple[str, ...]
-    checks: tuple[Check, ...] = ()
+    of: Sequence[OpenState | OpenRun]
+    checks: Sequence[Check] = ()
     texts: dict[str, str] = field(default_factory=dict)
     failures: tuple[str, ...] = ()
+
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """The names of its states and runs."""
+        return tuple(
+            item.name if isinstance(item, OpenRun) else f"{item.run_name}:{item.label}" for item in self.of
+        )
 
 
 @dataclass(frozen=True)
@@ -99,15 +107,11 @@ def _alone(record: StateRecord) -> dict[str, Figure]:
     return {"": shapes_figure([Panel(record, "")], STYLE, aligned=False)}
 
 
-def _references(library: Library, config: str, states: Sequence[StateRecord]) -> tuple[str, ...]:
-    return tuple(library.reference(config, state) for state in states)
-
-
 def _stages(library: Library, config: str, names: dict[str, str], marked: tuple[int, ...]) -> Made:
     """Auxiliary states of a construction in a row."""
     states = [library.stage(config, stage) for stage in names]
     panels = [Panel(state, title, marked) for state, title in zip(states, names.values(), strict=True)]
-    return Made(_panels(panels, aligned=True), _references(library, config, states))
+    return Made(_panels(panels, aligned=True), states)
 
 
 def _figure_3_1(library: Library) -> Made:
@@ -145,7 +149,7 @@ def _verdict(record: StateRecord) -> str:
     return f"{record.status}, no certificate" + (f", index {index}" if index else "")
 
 
-def _everted(library: Library) -> StateRecord:
+def _everted(library: Library) -> OpenState:
     return library.state(EVERTED, 0.03, 160)
 
 
@@ -156,7 +160,7 @@ def _figure_3_3(library: Library) -> Made:
         claims.half_a_band_apart(state),
         claims.torsion_dips(state),
     )
-    return Made({"": geometry_figure([state], STYLE)}, (library.reference(EVERTED, state),), checks)
+    return Made({"": geometry_figure([state], STYLE)}, [state], checks)
 
 
 def _figure_3_4(library: Library) -> Made:
@@ -164,11 +168,11 @@ def _figure_3_4(library: Library) -> Made:
     names = ("lambda_2", "lambda_4", "lambda_5")
     finer = claims.largest_at_inflections(library.state(FINER, 0.03, 320), names)
     why = "a local extremum is there, but not the largest value. On the same branch at N = 320"
-    checks = tuple(
+    checks = [
         check if check.agrees else replace(check, note=f"{why}: {other.found}")
         for check, other in zip(claims.largest_at_inflections(state, names), finer, strict=True)
-    )
-    return Made({"": _multipliers([state])}, (library.reference(EVERTED, state),), checks)
+    ]
+    return Made({"": _multipliers([state])}, [state], checks)
 
 
 def _figure_3_5(library: Library) -> Made:
@@ -198,8 +202,7 @@ def _figure_3_5(library: Library) -> Made:
             "That the band of this figure is stable is a property of its mesh (docs/everted-cylinder.md)",
         ),
     )
-    references = (*_references(library, EVERTED, (state, *wider)), library.reference(FINER, same))
-    return Made(_alone(state), references, checks)
+    return Made(_alone(state), (state, *wider, same), checks)
 
 
 def _figure_3_6(library: Library) -> Made:
@@ -212,11 +215,11 @@ def _figure_3_6(library: Library) -> Made:
     return _stages(library, PI, names, (1,))
 
 
-def _pi(library: Library) -> list[StateRecord]:
+def _pi(library: Library) -> list[OpenState]:
     return [library.state(PI, b, 400) for b in (0.3, 1.5)]
 
 
-def _three(library: Library) -> list[StateRecord]:
+def _three(library: Library) -> list[OpenState]:
     return [library.state(THREE, b, 240) for b in (0.3, 0.65)]
 
 
@@ -235,7 +238,7 @@ def _figure_3_7(library: Library) -> Made:
             "(docs/recipes.md)",
         ),
     )
-    return Made(_panels(_titled(states), aligned=False), _references(library, PI, states), checks)
+    return Made(_panels(_titled(states), aligned=False), states, checks)
 
 
 def _figure_3_8(library: Library) -> Made:
@@ -256,7 +259,7 @@ def _figure_3_8(library: Library) -> Made:
             claims.period(state, "kappa_s", 2, -1, "kappa_s is pi-antiperiodic", note),
             claims.half_turn_symmetry(state),
         ]
-    return Made({"": geometry_figure(states, STYLE)}, _references(library, PI, states), tuple(checks))
+    return Made({"": geometry_figure(states, STYLE)}, states, checks)
 
 
 def _figure_3_9(library: Library) -> Made:
@@ -265,7 +268,7 @@ def _figure_3_9(library: Library) -> Made:
     for state in states:
         checks += claims.extremum_at_inflections(state)
         checks += claims.largest_at_inflections(state, ("lambda_5",))
-    return Made({"": _multipliers(states)}, _references(library, PI, states), tuple(checks))
+    return Made({"": _multipliers(states)}, states, checks)
 
 
 def _figure_3_10(library: Library) -> Made:
@@ -304,7 +307,7 @@ def _figure_3_10(library: Library) -> Made:
             "(docs/recipes.md)",
         ),
     )
-    return Made(_alone(state), (library.reference(THREE, state), twisted.name), checks)
+    return Made(_alone(state), (state, twisted), checks)
 
 
 def _figure_3_11(library: Library) -> Made:
@@ -319,25 +322,27 @@ def _figure_3_11(library: Library) -> Made:
         ),
         claims.contact_at_the_centre(states[1]),
     )
-    return Made(_panels(_titled(states), aligned=False), _references(library, THREE, states), checks)
+    return Made(_panels(_titled(states), aligned=False), states, checks)
 
 
 def _figure_3_12(library: Library) -> Made:
     states = _three(library)
-    checks: list[Check] = []
-    for state in states:
-        checks += [
+    checks = [
+        check
+        for state in states
+        for check in (
             claims.inflection_count(state, 3),
             claims.period(state, "kappa_s", 3, -1, "kappa_s is 2 pi/3-antiperiodic"),
             claims.period(state, "tau", 3, 1, "tau is 2 pi/3-periodic"),
-        ]
-    return Made({"": geometry_figure(states, STYLE)}, _references(library, THREE, states), tuple(checks))
+        )
+    ]
+    return Made({"": geometry_figure(states, STYLE)}, states, checks)
 
 
 def _figure_3_13(library: Library) -> Made:
     states = _three(library)
     checks = [check for state in states for check in claims.extremum_at_inflections(state)]
-    return Made({"": _multipliers(states)}, _references(library, THREE, states), tuple(checks))
+    return Made({"": _multipliers(states)}, states, checks)
 
 
 def _figure_3_14(library: Library) -> Made:
@@ -346,22 +351,18 @@ def _figure_3_14(library: Library) -> Made:
     }
     pictures = {"": _spectra(found, "euclidean"), "physical": _spectra(found, "physical")}
     pictures |= {letter: _spectra({letter: states}, "euclidean") for letter, states in found.items()}
-    checks: list[Check] = []
-    lowest = {}
-    for letter, what in (("a", "cylinder"), ("b", "pi band")):
-        checks += claims.half_vanish(_euclidean(found[letter]), what)
-    for letter in "ac":
-        lowest[letter] = [
-            float(values.min()) * n / state.length
-            for state, (n, values) in zip(found[letter], _euclidean(found[letter]), strict=True)
-        ]
-    checks += claims.cured(lowest["a"], lowest["c"], 0.3 / 3)
-    references = [
-        reference
-        for letter, (config, _, _) in SPECTRA.items()
-        for reference in _references(library, config, found[letter])
+    spectra = {letter: _euclidean(states) for letter, states in found.items()}
+    lowest = {
+        letter: [float(values.min()) * n / found[letter][0].length for n, values in spectra[letter]]
+        for letter in "ac"
+    }
+    checks = [
+        *claims.half_vanish(spectra["a"], "cylinder"),
+        *claims.half_vanish(spectra["b"], "pi band"),
+        *claims.cured(lowest["a"], lowest["c"], 0.3 / 3),
     ]
-    return Made(pictures, tuple(references), tuple(checks))
+    states = [state for coarse in found.values() for state in coarse]
+    return Made(pictures, states, checks)
 
 
 def _euclidean(states: Sequence[StateRecord]) -> list[tuple[int, np.ndarray]]:
@@ -411,9 +412,8 @@ def _table_3_1(library: Library) -> Made:
         "of three meshes each: no proof of an order. Those above 2.5 are not settled",
     )
     checks = (order, *checks)
-    sources = (run.name, library.reference(SECOND, other))
     failures = (*library.failures(SECOND), *library.failures(TABLE))
-    return Made({}, sources, checks, texts(table, comparison), failures)
+    return Made({}, (run, other), checks, texts(table, comparison), failures)
 
 
 ITEMS: dict[str, Item] = {

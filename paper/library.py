@@ -57,7 +57,3 @@ class Library:
         if not labels:
             raise RibbonError(f"{run.name} has no state of the stage {stage!r}")
         return run.state(labels[-1])
-
-    def reference(self, config: str, record: ribbon.StateRecord) -> str:
-        """The name of a state of a config's run."""
-        return f"{self.run(config).name}:{record.label}"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from unicodedata import category
 
 
@@ -28,6 +28,19 @@ def _is_space(character: str) -> bool:
 
 def _escaped(character: str) -> str:
     return character.encode("unicode_escape").decode("ascii")
+
+
+def aligned(rows: Sequence[Sequence[str]], left: Container[int] = ()) -> str:
+    """Rows of cells in columns two spaces apart; columns are aligned on the right but for those `left`."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    form = "  ".join(f"{{:{'<' if k in left else '>'}{width}}}" for k, width in enumerate(widths))
+    return "\n".join(form.format(*row).rstrip() for row in rows)
+
+
+def pipes(rows: Sequence[Sequence[str]], left: Container[int] = ()) -> str:
+    """The same as a pipe table of Markdown, the heads first."""
+    rule = [":---" if k in left else "---:" for k in range(len(rows[0]))]
+    return "\n".join(f"| {' | '.join(row)} |" for row in (rows[0], rule, *rows[1:]))
 
 
 def ranges(labels: Sequence[int]) -> str:

@@ -43,7 +43,6 @@ def compare(settings: Settings, first: str, second: str, exact: bool) -> int:
 
 
 def _states(settings: Settings, first: str, second: str, exact: bool) -> int:
-
     one, two = (api.open_state(ref, settings.runs, teller(settings))[1] for ref in (first, second))
     pairs, judgement = report.comparison.compare_states(one, two), verify.judge(one, two)
     if settings.json:
@@ -58,7 +57,6 @@ def _states(settings: Settings, first: str, second: str, exact: bool) -> int:
 
 
 def _runs(settings: Settings, first: str, second: str, exact: bool) -> int:
-
     one, two = store.find_run(settings.root, first), store.find_run(settings.root, second)
     pairs = verify.judge_runs(one, two)
     if settings.json:
@@ -80,12 +78,11 @@ def answer(settings: Settings, judgement: report.comparison.Judgement, exact: bo
 
 def answer_of_pairs(settings: Settings, pairs: Sequence[report.comparison.StatePair], exact: bool) -> int:
     """The same of two runs."""
-    pair = report.comparison.deciding(pairs)
-    if pair is None:
-        return answer(settings, report.comparison.Judgement("identical"), exact)
-    if pair.first is None or pair.second is None:
-        return answer(settings, pair.judgement, exact, f"{pair.stage} is in one of them alone")
-    return answer(settings, pair.judgement, exact, pair.stage)
+    judgement, pair = report.comparison.decided(pairs)
+    where = pair.stage if pair else ""
+    if pair and None in (pair.first, pair.second):
+        where += " is in one of them alone"
+    return answer(settings, judgement, exact, where)
 
 
 def _reason(judgement: report.comparison.Judgement, where: str) -> str:
@@ -104,9 +101,8 @@ def _reason(judgement: report.comparison.Judgement, where: str) -> str:
 
 def pairs_answer(pairs: Sequence[report.comparison.StatePair]) -> dict[str, Any]:
     """The answer of two runs for a program, with the stage that decides it."""
-    pair = report.comparison.deciding(pairs)
-    judgement = report.comparison.Judgement("identical") if pair is None else pair.judgement
-    return asdict(judgement) | {"largest_in_stage": None if pair is None else pair.stage}
+    judgement, pair = report.comparison.decided(pairs)
+    return asdict(judgement) | {"largest_in_stage": pair.stage if pair else None}
 
 
 def pair_document(pair: report.comparison.StatePair) -> dict[str, Any]:
@@ -129,13 +125,7 @@ def pairs_table(pairs: Sequence[report.comparison.StatePair]) -> str:
 def _fields_table(pairs: Sequence[report.comparison.FieldPair]) -> str:
     """Fields that differ."""
     rows = [
-        [
-            pair.path,
-            _brief(pair.first),
-            _brief(pair.second),
-            MISSING if pair.difference is None else f"{pair.difference:.3g}",
-        ]
-        for pair in pairs
+        [pair.path, _brief(pair.first), _brief(pair.second), number(pair.difference, ".3g")] for pair in pairs
     ]
     return columns(["field", "first", "second", "difference"], rows)
 

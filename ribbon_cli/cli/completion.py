@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 import click
@@ -96,11 +96,10 @@ def script(cli: click.Command, shell: str, program: str) -> str:
 _Callback = Callable[["click.Context", "click.Parameter", str], list["CompletionItem"]]
 
 
-def _candidates(find: Callable[[click.Context, str], Iterator[str]], kind: str = "") -> _Callback:
+def _candidates(find: Callable[[click.Context, str], Iterable[str]], kind: str = "") -> _Callback:
     """A callback that offers what `find` gives, and files as well (`kind` "file") when that is nothing."""
 
     def complete(ctx: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
-
         found: list[str] = []
         try:
             for value in find(ctx, incomplete):
@@ -131,24 +130,15 @@ def _run_names(ctx: click.Context, incomplete: str) -> Iterator[str]:
 
 
 def _references(ctx: click.Context, incomplete: str) -> Iterator[str]:
-    """Runs with a colon, or the states of one when there is only one."""
+    """Runs with a colon, or the states of one when there is only one: by label, or by place after an @."""
     fitting = [(name, run) for name, run in _runs(ctx) if name.startswith(incomplete)]
     if len(fitting) > 1:
         yield from (f"{name}:" for name, _ in fitting)
         return
     mark = "@" if "@" in incomplete else ":"
     typed = incomplete.partition(mark)[0]
-    for name, run in fitting or _named(ctx, typed):
-        yield from _states(typed if not fitting else name, run, mark)
-
-
-def _named(ctx: click.Context, typed: str) -> list[tuple[str, store.Run]]:
-    """The run that a finished name stands for, as users may type it. Raises UsageError."""
-    return [(typed, store.find_run(_root(ctx), typed))]
-
-
-def _states(name: str, run: store.Run, mark: str) -> Iterator[str]:
-    """NAME:1, NAME:2, ...; or NAME@b=0.5,N=50, ... of the equilibria."""
+    # A finished name may be spelled in any way that users may type.
+    name, run = fitting[0] if fitting else (typed, store.find_run(_root(ctx), typed))
     if mark == ":":
         yield from (f"{name}:{label}" for label in run.entries())
         return
@@ -167,39 +157,23 @@ def _all_or_one(ctx: click.Context, incomplete: str) -> Iterator[str]:
     yield from _states_or_runs(ctx, incomplete)
 
 
-def _statuses(ctx: click.Context, incomplete: str) -> Iterator[str]:
-    """Statuses of runs or, where the line names one, of states."""
-    return iter(study.STATE_STATUSES if ctx.params.get("run") else study.RUN_STATUSES)
-
-
-def _kinds(ctx: click.Context, incomplete: str) -> Iterator[str]:
-
-    return iter(store.KINDS)
-
-
-def _templates(ctx: click.Context, incomplete: str) -> Iterator[str]:
-
-    return iter(config.templates())
-
-
-def _nothing(ctx: click.Context, incomplete: str) -> Iterator[str]:
-    return iter(())
-
-
 def complete_words(words: tuple[str, ...]) -> _Callback:
     """A callback that offers fixed words."""
-    return _candidates(lambda ctx, incomplete: iter(words))
+    return _candidates(lambda ctx, _: words)
 
 
 complete_run = _candidates(_run_names)
 complete_state = _candidates(_references, "file")
 complete_any = _candidates(_states_or_runs, "file")
 complete_checkable = _candidates(_all_or_one, "file")
-complete_status = _candidates(_statuses)
-complete_kind = _candidates(_kinds)
-complete_template = _candidates(_templates)
-complete_file = _candidates(_nothing, "file")
-complete_folder = _candidates(_nothing, "dir")
+# Statuses of runs or, where the line names one, of states.
+complete_status = _candidates(
+    lambda ctx, _: study.STATE_STATUSES if ctx.params.get("run") else study.RUN_STATUSES
+)
+complete_kind = _candidates(lambda ctx, _: store.KINDS)
+complete_template = _candidates(lambda ctx, _: config.templates())
+complete_file = _candidates(lambda ctx, _: (), "file")
+complete_folder = _candidates(lambda ctx, _: (), "dir")
 
 
 def complete_source(ctx: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import os
 from dataclasses import asdict
-from typing import Any
 
 import click
 
@@ -13,7 +11,7 @@ from ribbon_cli import config as configs
 from ribbon_cli import store, study
 from ribbon_cli.api.targets import check_target
 from ribbon_cli.cli.completion import complete_file, complete_template
-from ribbon_cli.cli.output import emit, emit_json, say, teller
+from ribbon_cli.cli.output import emit, emit_json, json_text, say, teller
 from ribbon_cli.cli.render import plan_table
 from ribbon_cli.cli.settings import Settings, common_options, pass_settings
 from ribbon_cli.digits import duration
@@ -68,7 +66,7 @@ def schema(settings: Settings, output: str | None, overwrite: bool) -> None:
         emit_json(configs.schema())
         return
     check_target(output, overwrite)
-    store.write_atomic(output, (json.dumps(configs.schema(), indent=2) + "\n").encode(), overwrite=overwrite)
+    store.write_atomic(output, json_text(configs.schema()).encode(), overwrite=overwrite)
     emit_json({"path": output}) if settings.json else emit(output)
 
 
@@ -82,14 +80,10 @@ def check(settings: Settings, config: str) -> None:
         loaded = configs.load_config(config)
     except configs.ConfigError as error:
         if settings.json:
-            emit_json({"valid": False, "path": config, "problems": _problems(error)})
+            problems = [asdict(mistake) for mistake in error.mistakes]
+            emit_json({"valid": False, "path": config, "problems": problems})
         raise
     _show_plan(settings, loaded)
-
-
-def _problems(error: configs.ConfigError) -> list[dict[str, Any]]:
-
-    return [asdict(mistake) for mistake in error.mistakes]
 
 
 def _show_plan(settings: Settings, config: configs.Config) -> None:

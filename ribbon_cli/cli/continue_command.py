@@ -10,10 +10,10 @@ import click
 from ribbon_cli import api, store, study
 from ribbon_cli.cli.completion import complete_state
 from ribbon_cli.cli.numbers import positive, positives, whole
-from ribbon_cli.cli.output import complain, emit, emit_json, say
 from ribbon_cli.cli.progress import progress
 from ribbon_cli.cli.render import branch_text
 from ribbon_cli.cli.settings import Settings, common_options, pass_settings
+from ribbon_cli.cli.solve_commands import conclude
 
 _STOPS = ("fold", "stability-lost", "contact")
 
@@ -31,19 +31,7 @@ _STOPS = ("fold", "stability-lost", "contact")
 @click.option("--switch", metavar="K", callback=whole(0), help="Follow branches that cross, K times over.")
 @common_options
 @pass_settings
-def continue_(
-    settings: Settings,
-    state: str,
-    to: float,
-    arclength: bool,
-    back_to: float | None,
-    both: bool,
-    at: tuple[float, ...],
-    stop_at: tuple[str, ...],
-    max_step: float | None,
-    steps: int | None,
-    switch: int | None,
-) -> int:
+def continue_(settings: Settings, /, state: str, **asked: Any) -> int:
     """Continue a stored STATE in width.
 
     The results join its run.
@@ -51,39 +39,17 @@ def continue_(
     The same line again resumes. Without --arclength widths are reached one from another, and the first fold
     ends it. Unstable points on a branch are no failure; the exit code is 3 when no step is short enough.
     """
-    wanted = api.following.request(to, arclength, back_to, both, at, stop_at, max_step, steps, switch)
+    wanted = api.following.request(**asked)
     settings.commits = True
     with progress(settings) as shown:
         outcome = study.continue_state(
-            settings.root, state, wanted, natural=not arclength, progress=shown, argv=settings.argv
+            settings.root, state, wanted, natural=not asked["arclength"], progress=shown, argv=settings.argv
         )
-    return _report(settings, outcome)
-
-
-def _report(settings: Settings, outcome: study.Outcome) -> int:
-    """Print the branches, and name on standard error those that broke off; return the exit code."""
-    if settings.json:
-        emit_json(_document(outcome))
-    else:
-        emit("\n\n".join(branch_text(course) for course in outcome.branches))
-    new = f"{outcome.new_states} new state{'s' * (outcome.new_states != 1)}"
-    say(settings, f"{outcome.run.path}: {new}; `ribbon show {store.typed(outcome.run)}` shows its branches")
-    for failure in outcome.failures:
-        complain(f"ribbon: {failure}")
-    return outcome.exit_code
-
-
-def _document(outcome: study.Outcome) -> dict[str, Any]:
-    """The first branch's points and end, and all branches."""
     first: study.Course = outcome.branches[0]
-    return {
-        "run": outcome.run.name,
-        "path": str(outcome.run.path),
-        "exit_code": outcome.exit_code,
-        "new_states": outcome.new_states,
+    document = {
         "points": [asdict(point) for point in first.points],
         "end": {"reason": first.reason, "half_width": first.half_width, "message": first.message},
-        "branches": [asdict(course) for course in outcome.branches],
-        "notes": list(outcome.notes),
-        "failures": list(outcome.failures),
     }
+    text = "\n\n".join(map(branch_text, outcome.branches))
+    more = f"`ribbon show {store.typed(outcome.run)}` shows its branches"
+    return conclude(settings, outcome, document, text, more, outcome.failures)

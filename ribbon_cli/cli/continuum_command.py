@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import Any
 
 from ribbon_cli import analysis, api, report, store
@@ -33,11 +34,8 @@ def _show_state(settings: Settings, ref: str) -> tuple[dict[str, Any], str, list
     name = f"{run.short_name}:{record.label}" if run else str(path)
     found = analysis.continuum_of(record, name)
     failed = record.kind == "equilibrium" and not record.certified and record.branch is None
-    return (
-        report.continuum.state_document(found, run.name if run else None),
-        report.continuum.state_text(found),
-        [name] if failed else [],
-    )
+    document = {"run": run.name if run else None, **asdict(found)}
+    return document, report.continuum.state_text(found), [name] if failed else []
 
 
 def _show_run(settings: Settings, ref: str) -> tuple[dict[str, Any], str, list[str]]:
@@ -53,4 +51,5 @@ def _show_run(settings: Settings, ref: str) -> tuple[dict[str, Any], str, list[s
         for state in found
         if not state.certified and state.label not in followed
     ]
-    return report.continuum.tables_document(tables, run.name), report.continuum.tables_text(tables), failed
+    document = {"run": run.name, "tables": [asdict(table) for table in tables]}
+    return document, report.continuum.tables_text(tables), failed

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import click
 
 from ribbon_cli import api, store
@@ -38,14 +40,12 @@ from ribbon_cli.cli.settings import Settings, common_options, pass_settings
 @pass_settings
 def export(
     settings: Settings,
+    /,
     state: str,
     form: str,
     output: str | None,
-    size: float | None,
-    thickness: float | None,
-    paper: str | None,
-    segments: int | None,
     overwrite: bool,
+    **asked: Any,
 ) -> None:
     """Write a STATE in another format.
 
@@ -53,7 +53,7 @@ def export(
     surface for browsers and Blender. vtkhdf and html take a run as well, and then its states of one N, by
     width.
     """
-    options = exports.formats.Options(size, thickness, paper, segments)
+    options = exports.formats.Options(**asked)
     api.exporting.check_format(form, options)
     done = api.exporting.export(form, named(settings, state), options, output, overwrite, teller(settings))
     for line in done.remarks:

@@ -87,16 +87,12 @@ def _describe(error: BaseException, settings: Settings) -> tuple[str, int]:
     if isinstance(error, click.ClickException):
         return f"ribbon: {_usage(error)}", UsageError.exit_code
     if isinstance(error, RibbonError):
-        return _known(error), error.exit_code
+        # A config's errors stay as they are, since editors jump to FILE:LINE:COLUMN.
+        return str(error) if hasattr(error, "mistakes") else f"ribbon: {error}", error.exit_code
     reason = " ".join(str(error).split())
     name = type(error).__name__
     text = f"{name}: {reason}" if reason else name
     return f"ribbon: internal error: {text} (run again with --debug)", 1
-
-
-def _known(error: RibbonError) -> str:
-    """The lines of a config's errors as they are, since editors jump to FILE:LINE:COLUMN; others prefixed."""
-    return str(error) if hasattr(error, "mistakes") else f"ribbon: {error}"
 
 
 def _usage(error: click.ClickException) -> str:

@@ -46,8 +46,13 @@ def emit_path(path: str) -> None:
 
 
 def emit_json(value: Any) -> None:
-    """Write one JSON document; not-a-number and infinities are null."""
-    emit(json.dumps(store.log.to_json(value), indent=2, allow_nan=False))
+    """Write one JSON document to standard output."""
+    emit(json_text(value))
+
+
+def json_text(value: Any) -> str:
+    """A JSON document; not-a-number and infinities are null."""
+    return json.dumps(store.log.to_json(value), indent=2, allow_nan=False) + "\n"
 
 
 def _discard_output() -> None:

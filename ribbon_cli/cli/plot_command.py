@@ -121,16 +121,8 @@ def _mode_document(mode: pictures.modes.ModeShape | None) -> dict[str, Any]:
     """What JSON says of the mode that a picture shows."""
     if mode is None:
         return {}
-    return {
-        "mode": {
-            "number": mode.number,
-            "value": mode.value,
-            "bound": mode.bound,
-            "label": mode.label,
-            "symmetries": list(mode.symmetries),
-            "verdict": mode.verdict,
-        }
-    }
+    names = ("number", "value", "bound", "label", "symmetries", "verdict")
+    return {"mode": {name: getattr(mode, name) for name in names}}
 
 
 def named(settings: Settings, ref: str) -> api.drawing.Named:

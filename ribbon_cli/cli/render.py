@@ -13,7 +13,7 @@ from ribbon_cli import digits, study
 from ribbon_cli.export.words import MEETS_ITSELF
 from ribbon_cli.store import StateRecord, Summary
 from ribbon_cli.store.events import Event, Removed
-from ribbon_cli.text import ranges, visible
+from ribbon_cli.text import aligned, ranges, visible
 
 MISSING = "-"
 
@@ -25,13 +25,8 @@ _LEFT = frozenset(
 
 def columns(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """Aligned columns under `heads`, two spaces apart."""
-    lines = [tuple(heads), *map(_visible_row, rows)]
-    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-    form = "  ".join(
-        f"{{:{'<' if head in _LEFT else '>'}{width}}}" for head, width in zip(heads, widths, strict=True)
-    )
-    text = [form.format(*line).rstrip() for line in lines]
-    return "\n".join(text)
+    left = {k for k, head in enumerate(heads) if head in _LEFT}
+    return aligned([heads, *map(_visible_row, rows)], left)
 
 
 def _visible_row(row: Sequence[str]) -> Sequence[str]:

@@ -53,54 +53,19 @@ def _help(ctx: click.Context, parameter: click.Parameter, value: bool) -> None:
         ctx.exit()
 
 
+def _shared(*names: str, callback: Callable[..., Any] = _remember, **more: Any) -> Callable[..., Any]:
+    """An option that every command has; its value goes to the callback, not to the command."""
+    return click.option(*names, expose_value=False, callback=callback, **more)
+
+
+_RUNS = "Folder of the runs; else RIBBON_RUNS, else ./runs."
 _OPTIONS = (
-    click.option(
-        "--runs",
-        metavar="DIR",
-        expose_value=False,
-        callback=_remember,
-        shell_complete=complete_folder,
-        help="Folder of the runs; else RIBBON_RUNS, else ./runs.",
-    ),
-    click.option(
-        "--json",
-        is_flag=True,
-        expose_value=False,
-        callback=_remember,
-        help="Print one JSON document instead of text.",
-    ),
-    click.option(
-        "-q",
-        "--quiet",
-        is_flag=True,
-        expose_value=False,
-        callback=_remember,
-        help="No progress and no messages but errors.",
-    ),
-    click.option(
-        "-v",
-        "--verbose",
-        is_flag=True,
-        expose_value=False,
-        callback=_remember,
-        help="More detail, such as every Newton step.",
-    ),
-    click.option(
-        "--debug",
-        is_flag=True,
-        expose_value=False,
-        callback=_remember,
-        help="Show the traceback of an error.",
-    ),
-    click.option(
-        "-h",
-        "--help",
-        is_flag=True,
-        is_eager=True,
-        expose_value=False,
-        callback=_help,
-        help="Show this message and exit.",
-    ),
+    _shared("--runs", metavar="DIR", shell_complete=complete_folder, help=_RUNS),
+    _shared("--json", is_flag=True, help="Print one JSON document instead of text."),
+    _shared("-q", "--quiet", is_flag=True, help="No progress and no messages but errors."),
+    _shared("-v", "--verbose", is_flag=True, help="More detail, such as every Newton step."),
+    _shared("--debug", is_flag=True, help="Show the traceback of an error."),
+    _shared("-h", "--help", is_flag=True, is_eager=True, callback=_help, help="Show this message and exit."),
 )
 
 

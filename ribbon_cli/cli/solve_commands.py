@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import asdict
-from typing import Literal
+from typing import Any, Literal
 
 import click
 
@@ -72,27 +73,39 @@ def report(settings: Settings, outcome: study.Outcome) -> int:
     The outcome's notes have been shown as they came up; only JSON repeats them.
     """
     states = {state.label: state for state in outcome.run.states(all=True)}
+    labels = {target.label for target in outcome.targets}
+    listed = [state.listed(outcome.run.name) for label, state in states.items() if label in labels]
+    document = {"targets": [asdict(target) for target in outcome.targets], "states": listed}
+    text = "\n\n".join([targets_table(outcome.targets, states), *map(branch_text, outcome.branches)])
+    more = f"`ribbon ls {store.typed(outcome.run)}` lists the run"
+    return conclude(settings, outcome, document, text, more, gathered(outcome.causes))
+
+
+def conclude(
+    settings: Settings,
+    outcome: study.Outcome,
+    document: dict[str, Any],
+    text: str,
+    more: str,
+    failures: Iterable[str],
+) -> int:
+    """Print what a study came to, as text or as JSON with its own `document`; return the exit code.
+
+    `more` says which command tells more.
+    """
+    run = outcome.run
     if settings.json:
-        targets = [asdict(target) for target in outcome.targets]
-        labels = {target.label for target in outcome.targets}
-        document = {
-            "run": outcome.run.name,
-            "path": str(outcome.run.path),
-            "exit_code": outcome.exit_code,
-            "new_states": outcome.new_states,
-            "targets": targets,
-            "states": [state.listed(outcome.run.name) for label, state in states.items() if label in labels],
-            "branches": [asdict(course) for course in outcome.branches],
-            "notes": list(outcome.notes),
-            "failures": list(outcome.failures),
-        }
-        emit_json(document)
+        emit_json(
+            {"run": run.name, "path": str(run.path)}
+            | {"exit_code": outcome.exit_code, "new_states": outcome.new_states}
+            | document
+            | {"branches": [asdict(course) for course in outcome.branches]}
+            | {"notes": list(outcome.notes), "failures": list(outcome.failures)}
+        )
     else:
-        emit(targets_table(outcome.targets, states))
-        for course in outcome.branches:
-            emit("\n" + branch_text(course))
+        emit(text)
     new = f"{outcome.new_states} new state{'s' * (outcome.new_states != 1)}"
-    say(settings, f"{outcome.run.path}: {new}; `ribbon ls {store.typed(outcome.run)}` lists the run")
-    for failure in gathered(outcome.causes):
+    say(settings, f"{run.path}: {new}; {more}")
+    for failure in failures:
         complain(f"ribbon: {failure}")
     return outcome.exit_code

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict
 from typing import Any
 
@@ -11,7 +10,7 @@ import click
 from ribbon_cli import analysis, api, report, store
 from ribbon_cli.api.targets import check_target
 from ribbon_cli.cli.completion import complete_any, complete_file
-from ribbon_cli.cli.output import complain, deliver, emit_json, say, teller, text_format
+from ribbon_cli.cli.output import complain, deliver, json_text, say, teller, text_format
 from ribbon_cli.cli.settings import Settings, common_options, pass_settings
 from ribbon_cli.errors import TargetError, UsageError
 
@@ -68,7 +67,8 @@ def spectrum(
         document, failures = _analyse(settings, ref, metric, modes, full, archive, overwrite), []
         if archive is not None:
             return 0
-    _write(settings, document, style, output)
+    text = json_text(document) if style == "json" else report.spectra.render(document, style)
+    deliver(settings, text, output)
     for failure in failures:
         complain(f"ribbon: {failure}")
     return TargetError.exit_code if failures else 0
@@ -115,16 +115,3 @@ def _converge(
         "notes": list(table.notes),
     }
     return document, list(table.uncertified)
-
-
-def _write(settings: Settings, document: dict[str, Any], style: str, output: str | None) -> None:
-    """Print a document, or write it to a file."""
-    if style == "json" and output is None:
-        emit_json(document)
-        return
-    text = (
-        json.dumps(store.log.to_json(document), indent=2) + "\n"
-        if style == "json"
-        else report.spectra.renderers(document)[style](document)
-    )
-    deliver(settings, text, output)

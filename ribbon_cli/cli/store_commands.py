@@ -22,7 +22,6 @@ from ribbon_cli.cli.render import (
 )
 from ribbon_cli.cli.settings import Settings, common_options, pass_settings
 from ribbon_cli.errors import StoreError, UsageError
-from ribbon_cli.store.events import Event
 
 _WHOLE_CONFIGS = ("config_text", "config_resolved")
 """Provenance that only `--json` shows."""
@@ -111,38 +110,25 @@ def show(settings: Settings, ref: str) -> None:
 
     Of a state all but its arrays, provenance included; of a run its config, history and branches.
     """
-    if store.names_state(ref):
-        record, document = _show_state(settings, ref)
-        facts = {key: value for key, value in record.provenance.items() if key not in _WHOLE_CONFIGS}
-        words = {
-            "status": status_in_words(record),
-            "certified": certificate_in_words(record),
-            "provenance": facts,
-        }
-        if settings.json:
-            emit_json(document)
-        else:  # of events people read the sentences
-            shown = {key: value for key, value in document.items() if key != "event_kinds"}
-            emit(listing({**shown, **words}))
-        return
-    document, events, branches = _show_run(settings, ref)
-    if settings.json:
-        history = {"history": [event.document for event in events]}
-        emit_json(document | history | {"branches": [asdict(course) for course in branches]})
-    else:
-        numbered = (f"{k}. {branch_text(course)}" for k, course in enumerate(branches, start=1))
-        emit("\n\n".join([listing({**document, "history": history_lines(events)}), *numbered]))
+    (_show_state if store.names_state(ref) else _show_run)(settings, ref)
 
 
-def _show_state(settings: Settings, ref: str) -> tuple[store.StateRecord, dict[str, Any]]:
-    """A state, and all of it but its arrays as a document."""
+def _show_state(settings: Settings, ref: str) -> None:
+    """Show all of a state but its arrays, whole configs in JSON alone."""
     run, record, path = api.open_state(ref, settings.runs, teller(settings))
-    return record, {
+    document = {
         **store.Summary.of(record).listed(run.name if run else None),
         "path": str(path),
         "spectra": _spectra(record),
         "provenance": dict(record.provenance),
     }
+    if settings.json:
+        emit_json(document)
+        return
+    facts = {key: value for key, value in record.provenance.items() if key not in _WHOLE_CONFIGS}
+    words = {"status": status_in_words(record), "certified": certificate_in_words(record)}
+    del document["event_kinds"]  # people read the events' sentences
+    emit(listing(document | words | {"provenance": facts}))
 
 
 def _spectra(record: store.StateRecord) -> dict[str, Any]:
@@ -158,11 +144,17 @@ def _spectra(record: store.StateRecord) -> dict[str, Any]:
     }
 
 
-def _show_run(settings: Settings, ref: str) -> tuple[dict[str, Any], list[Event], tuple[study.Course, ...]]:
-    """What `ribbon ls` says of a run and its config, its history apart from states, and its branches."""
+def _show_run(settings: Settings, ref: str) -> None:
+    """Show what `ribbon ls` says of a run, its config, its history apart from states, and its branches."""
     run = store.find_run(settings.root, ref)
     facts = study.standing(run)
     if facts.damage:
         raise StoreError(facts.damage)
     events = [event for event in run.events() if event.kind != "state"]
-    return facts.to_dict() | {"config": str(run.path / "config.yaml")}, events, study.courses(run)
+    branches, document = study.courses(run), facts.to_dict() | {"config": str(run.path / "config.yaml")}
+    if settings.json:
+        history = {"history": [event.document for event in events]}
+        emit_json(document | history | {"branches": [asdict(course) for course in branches]})
+    else:
+        numbered = (f"{k}. {branch_text(course)}" for k, course in enumerate(branches, start=1))
+        emit("\n\n".join([listing({**document, "history": history_lines(events)}), *numbered]))

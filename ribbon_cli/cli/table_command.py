@@ -60,15 +60,14 @@ def _table(run: store.Run, outcome: study.Outcome | None) -> report.convergence.
     Raises UsageError when a run that was named has nothing to show, StoreError where a state's file is not
     what was committed.
     """
-    states = run.states()
-    if not states and outcome is None:
+    if not run.states() and outcome is None:
         raise UsageError(store.refs.no_equilibria(run))
-    entries = analysis.table_entries(run)
-    damaged = run.damage(int(entry.label or 0) for entry in entries)
+    table = analysis.run_table(run)
+    damaged = run.damage(int(row.label or 0) for row in table.rows)
     if damaged:
         files = "; ".join(f"{run.state_path(label)}: {word}" for label, word in damaged.items())
         raise StoreError(f"{files}: the table would rest on states that are not there")
-    return report.convergence.convergence_rows(entries, *(state.length for state in states[:1]))
+    return table
 
 
 def _uncertified(run: store.Run, table: report.convergence.Table, outcome: study.Outcome | None) -> list[str]:

@@ -22,10 +22,19 @@ _MAX_NODES = 25_000  # 10 000 widths, as many again in `at`, and the rest
 _LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 _LINE_BREAK = re.compile(r"\r\n|\r|\n")
-_TAB = re.compile(r"^[^#\t\r\n]*(\t)", re.MULTILINE)
-_DIRECTIVE = re.compile(r"^%", re.MULTILINE)
-# What YAML does not allow, and the line breaks that only YAML counts as such (NEL, LS, PS).
-_UNPRINTABLE = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff\ufeff\ufffe\uffff]")
+_REFUSED = (
+    # What YAML does not allow, and the line breaks that only YAML counts as such (NEL, LS, PS).
+    (
+        re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff\ufeff\ufffe\uffff]"),
+        "control character U+{:04X}: remove it",
+    ),
+    (
+        re.compile(r"^[^#\t\r\n]*(\t)", re.MULTILINE),
+        "tab character: indent and separate with spaces alone",
+    ),
+    (re.compile("^%", re.MULTILINE), "YAML directives (%) are not accepted: remove the line"),
+)
+"""Characters that are not taken, in the last group or the whole of a match, and what is said of them."""
 
 
 @dataclass(slots=True)
@@ -86,17 +95,10 @@ def _fit_for_yaml(text: str, mistakes: Mistakes) -> bool:
         mistakes.add(0, 0, "", "larger than 1 MiB, which no config needs")
         return False
     before = len(mistakes.found)
-    for match in _UNPRINTABLE.finditer(text):
-        code = f"U+{ord(match.group()):04X}"
-        mistakes.add(*position(text, match.start()), "", f"control character {code}: remove it")
-    for match in _TAB.finditer(text):
-        mistakes.add(
-            *position(text, match.start(1)), "", "tab character: indent and separate with spaces alone"
-        )
-    for match in _DIRECTIVE.finditer(text):
-        mistakes.add(
-            *position(text, match.start()), "", "YAML directives (%) are not accepted: remove the line"
-        )
+    for pattern, message in _REFUSED:
+        for match in pattern.finditer(text):
+            at = match.start(match.lastindex or 0)
+            mistakes.add(*position(text, at), "", message.format(ord(text[at])))
     return len(mistakes.found) == before
 
 
@@ -156,11 +158,6 @@ class _Builder:
 
     def _node(self, event: yaml.NodeEvent) -> Node:
         line, column = self.last
-        if isinstance(event, yaml.AliasEvent):
-            self._mistakes.add(
-                line, column, "", f"aliases (*{shown(event.anchor or '')}) are not accepted: write the value"
-            )
-            return Node(line, column, "invalid")
         refused = self._refused(event)
         if refused:
             self._mistakes.add(line, column, "", refused)
@@ -171,6 +168,8 @@ class _Builder:
 
     @staticmethod
     def _refused(event: Any) -> str:
+        if isinstance(event, yaml.AliasEvent):
+            return f"aliases (*{shown(event.anchor or '')}) are not accepted: write the value"
         if event.anchor is not None:
             return f"anchors (&{shown(event.anchor)}) are not accepted: remove it"
         if event.tag is not None:

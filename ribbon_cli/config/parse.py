@@ -6,13 +6,12 @@ import os
 from pathlib import Path
 
 from ribbon_cli.config import sections
-from ribbon_cli.config.arclength import arclength, is_arclength
 from ribbon_cli.config.document import MAX_BYTES, Node, position, read_document
 from ribbon_cli.config.guess import initial_guess
 from ribbon_cli.config.mistakes import Mistakes, near_miss, shown
-from ribbon_cli.config.reader import Limit, Reader
-from ribbon_cli.config.table import CONFIG, NAME, TOPOLOGY
-from ribbon_cli.config.types import Config
+from ribbon_cli.config.reader import Reader
+from ribbon_cli.config.table import CONFIG, NAME, SPECTRUM, TOPOLOGY
+from ribbon_cli.config.types import Arclength, Config, SpectrumRequest
 
 
 def load_config(path: str | os.PathLike[str]) -> Config:
@@ -45,34 +44,27 @@ def parse_config(text: str, path: str | os.PathLike[str]) -> Config:
     half_twists: int | None = None
     if "topology" in top:
         half_twists = reader.section(top["topology"], "topology", TOPOLOGY).read("half_twists")
-    length: float | None = found.read("length")
-    limit: Limit | None = None if length is None else (length, "the band's length")
-    discretisation = found.read("discretisation")
-    guess = initial_guess(reader, top.get("initial_guess"), half_twists, limit, os.path.dirname(path))
-    given = top.get("widths")
-    branch = arclength(reader, given, limit, guess) if given is not None and is_arclength(given) else None
-    widths = () if is_arclength(given) else sections.widths(reader, given, limit, guess)
+    reader.length = found.read("length")
+    guess = initial_guess(reader, top.get("initial_guess"), half_twists, os.path.dirname(path))
+    given = sections.widths(reader, top.get("widths"), guess)
+    branch = given if isinstance(given, Arclength) else None
+    widths = () if isinstance(given, Arclength) else given
     refinement = sections.refinement(reader, top.get("refinement"), guess, widths)
-    if is_arclength(given) and len(refinement.levels) > 1:
-        reader.report(
-            top["refinement"],
-            "refinement",
-            "a branch is followed on one level: leave it out, use `ribbon refine`",
-        )
-    if guess.keep_saddle and not is_arclength(given):
-        reader.report(
-            top["initial_guess"],
-            "initial_guess.saddle",
-            "keep goes with a branch, widths: {arclength: {to: ...}}: other schedules pass among minima",
-        )
-    spectrum = sections.spectrum(reader, top.get("spectrum"))
-    contact = found.read("contact")
-    if mistakes.found or half_twists is None or length is None or widths is None:
+    if branch and len(refinement.levels) > 1:
+        found.report("refinement", "a branch is followed on one level: leave it out, use `ribbon refine`")
+    if guess.keep_saddle and not branch:
+        keep = "keep goes with a branch, widths: {arclength: {to: ...}}: other schedules pass among minima"
+        reader.report(top["initial_guess"], "initial_guess.saddle", keep)
+    spectrum = SpectrumRequest()
+    if "spectrum" in top:
+        spectrum = SpectrumRequest(**reader.section(top["spectrum"], "spectrum", SPECTRUM).values())
+    discretisation, contact = found.read("discretisation"), found.read("contact")
+    if mistakes.found or half_twists is None or reader.length is None or widths is None:
         raise mistakes.error()
     return Config(
         name=name,
         half_twists=half_twists,
-        length=length,
+        length=reader.length,
         discretisation=discretisation,
         guess=guess,
         widths=widths,

@@ -21,9 +21,6 @@ _NOT_FINITE = re.compile(r"[+-]?\.?(?:inf|nan)", re.IGNORECASE)
 
 _NONE: Mapping[str, str] = {}
 
-Limit = tuple[float, str]
-"""A value and what it is, for messages."""
-
 
 def is_null(node: Node) -> bool:
     """Whether the node is YAML's null: nothing at all, `~` or `null`."""
@@ -46,9 +43,13 @@ def got(node: Node) -> str:
 
 
 class Reader:
-    """Reads the values of one document, recording what is wrong with them in `mistakes`."""
+    """Reads the values of one document, recording what is wrong with them in `mistakes`.
+
+    Numbers in the unit of the length must be less than `length`, once that is known.
+    """
 
     def __init__(self, mistakes: Mistakes) -> None:
+        self.length: float | None = None
         self._mistakes = mistakes
 
     def report(self, node: Node, field: str, message: str) -> None:
@@ -104,9 +105,7 @@ class Reader:
         self.report(key, path, f"unknown key{owner}: did you mean {meant}?")
         found.setdefault(meant, Node(key.line, key.column, "invalid"))
 
-    def items(
-        self, node: Node, field: str, takes: Items, limit: Limit | None = None
-    ) -> Iterator[tuple[Node, str, Any]]:
+    def items(self, node: Node, field: str, takes: Items) -> Iterator[tuple[Node, str, Any]]:
         """The items of a list, each with its field path and its value; none where there are none to read."""
         if node.kind != "list":
             self.wrong(node, field, "must be a list")
@@ -117,15 +116,15 @@ class Reader:
         else:
             for index, item in enumerate(node.items):
                 path = f"{field}[{index}]"
-                yield item, path, self.read(item, path, takes.of, limit)
+                yield item, path, self.read(item, path, takes.of)
 
-    def read(self, node: Node, field: str, takes: Takes, limit: Limit | None = None) -> Any:
-        """A single value of the kind that a key takes; a number may have a further `limit`."""
+    def read(self, node: Node, field: str, takes: Takes) -> Any:
+        """A value of the kind that a key takes; of a list its values, each once, in order."""
         match takes:
             case Integer():
                 return self._integer(node, field, takes)
             case Number():
-                return self._number(node, field, takes, limit)
+                return self._number(node, field, takes)
             case Word():
                 return self._word(node, field, takes.choices)
             case Flag():
@@ -133,10 +132,29 @@ class Reader:
                 return None if word is None else word == "true"
             case Text():
                 return self._text(node, field, takes)
-        raise TypeError(f"{field}: is no single value")
+            case Items():
+                return self._ordered(node, field, takes)
+        raise TypeError(f"{field}: holds values of its own")
 
-    def _number(self, node: Node, field: str, takes: Number, limit: Limit | None) -> float | None:
-        below = limit if takes.below is None else (takes.below, takes.limit)
+    def _ordered(self, node: Node, field: str, takes: Items) -> tuple[Any, ...] | None:
+        """The right values of a list, ascending, words in the order of the choices; None without a list."""
+        chosen: list[Any] = []
+        for item, path, value in self.items(node, field, takes):
+            if value is None:
+                continue
+            if not any(value == other if isinstance(value, str) else close(value, other) for other in chosen):
+                chosen.append(value)
+            elif takes.once:
+                shown_value = value if isinstance(value, str) else got(item)
+                self.report(item, path, f"must be given once, got {shown_value} again")
+        if node.kind != "list":
+            return None
+        return tuple(sorted(chosen, key=takes.of.choices.index if isinstance(takes.of, Word) else None))
+
+    def _number(self, node: Node, field: str, takes: Number) -> float | None:
+        below, limit = takes.below, takes.limit
+        if takes.unit:
+            below, limit = self.length, "the band's length"
         if node.kind != "scalar" or node.quoted or node.text in _NULLS or node.text.lower() in _BOOLEANS:
             self.wrong(node, field, f"must be {NUMBER}")
             return None
@@ -154,8 +172,8 @@ class Reader:
         if value < takes.low:
             self.wrong(node, field, f"must be at least {takes.low:g}")
             return None
-        if below is not None and value >= below[0]:
-            self.wrong(node, field, f"must be < {below[0]:g}, {below[1]}")
+        if below is not None and value >= below:
+            self.wrong(node, field, f"must be < {below:g}, {limit}")
             return None
         return value
 
@@ -202,19 +220,29 @@ class Found:
         """The field path of a key."""
         return f"{self._field}.{name}" if self._field else name
 
-    def read(self, name: str, limit: Limit | None = None) -> Any:
+    def read(self, name: str) -> Any:
         """A key's value, its default where it is not given; None where it is wrong, on record."""
         key = self._keys[name]
         if name in self.nodes:
-            return self._reader.read(self.nodes[name], self.path(name), key.takes, limit)
+            return self._reader.read(self.nodes[name], self.path(name), key.takes)
+        if isinstance(key.takes, Items):
+            return key.default or ()
         spelled = isinstance(key.takes, Number) and isinstance(key.default, str)
         return evaluate(key.default) if spelled else key.default
 
-    def items(self, name: str, limit: Limit | None = None) -> Iterator[tuple[Node, str, Any]]:
+    def values(self) -> dict[str, Any]:
+        """The values of all keys, as `read` gives them: the fields of the record that holds the section."""
+        return {name: self.read(name) for name in self._keys}
+
+    def items(self, name: str) -> Iterator[tuple[Node, str, Any]]:
         """The items of a list, as `Reader.items` gives them; none where there is no such key."""
         takes = self._keys[name].takes
         if name in self.nodes and isinstance(takes, Items):
-            yield from self._reader.items(self.nodes[name], self.path(name), takes, limit)
+            yield from self._reader.items(self.nodes[name], self.path(name), takes)
+
+    def report(self, name: str, message: str) -> None:
+        """Record a mistake at a key's value."""
+        self._reader.report(self.nodes[name], self.path(name), message)
 
 
 def close(a: float, b: float) -> bool:

@@ -8,28 +8,38 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Iterable
-from itertools import pairwise
+from itertools import combinations, pairwise
 from typing import Any
 
 from ribbon_cli.config.document import Node
-from ribbon_cli.config.reader import Limit, Reader, close, got
-from ribbon_cli.config.table import LEVEL_LIST, LEVELS_AT, RANGE, REFINEMENT, SPECTRUM, WIDTH_LIST, WIDTHS
-from ribbon_cli.config.types import METRICS, Guess, Refinement, SpectrumRequest
+from ribbon_cli.config.reader import Reader, close, got
+from ribbon_cli.config.table import (
+    ARCLENGTH,
+    BRANCH,
+    LEVEL_LIST,
+    LEVELS_AT,
+    RANGE,
+    REFINEMENT,
+    WIDTH_LIST,
+    WIDTHS,
+)
+from ribbon_cli.config.types import Arclength, Guess, Refinement
 
 ListItems = Iterable[tuple[Node, str, Any]]
 """What `Reader.items` gives."""
 
 
-def widths(reader: Reader, node: Node | None, limit: Limit | None, guess: Guess) -> tuple[float, ...] | None:
-    """The half-widths b to solve for, in order; the guess's own where the config does not say."""
+def widths(reader: Reader, node: Node | None, guess: Guess) -> tuple[float, ...] | Arclength | None:
+    """The half-widths b to solve for, in order, or a branch; the guess's own where there is no section."""
     if node is None:
         return (guess.half_width,) if guess.half_width is not None else ()
     if node.kind == "mapping":
-        return _width_range(reader, node, limit)
+        keys = {key.text for key in node.items[::2]}
+        return _branch(reader, node, guess) if "arclength" in keys else _width_range(reader, node)
     if node.kind == "scalar":
         reader.report(node, "widths", f"must be {WIDTHS.expected}, got {got(node)}")
         return None
-    items = list(reader.items(node, "widths", WIDTH_LIST, limit))
+    items = list(reader.items(node, "widths", WIDTH_LIST))
     for (_, _, before), (item, field, value) in pairwise(items):
         if before is not None and value is not None and close(before, value):
             reader.report(item, field, f"must differ from the width before it, got {got(item)} again")
@@ -37,25 +47,38 @@ def widths(reader: Reader, node: Node | None, limit: Limit | None, guess: Guess)
     return known if known and len(known) == len(items) else None
 
 
-def _width_range(reader: Reader, node: Node, limit: Limit | None) -> tuple[float, ...] | None:
+def _branch(reader: Reader, node: Node, guess: Guess) -> Arclength:
+    """What a branch is followed for; its start, `to` and `back_to` must differ."""
+    refused = "does not go with arclength: give it inside of arclength"
+    outer = reader.section(node, "widths", BRANCH, dict.fromkeys((key.name for key in RANGE.keys), refused))
+    found = reader.section(outer.nodes["arclength"], "widths.arclength", ARCLENGTH)
+    branch = Arclength(**found.values())
+    if branch.both and "back_to" not in found.nodes:
+        found.report("both", "needs back_to, the half-width to go to the other way")
+    named = {"the guess's half_width": guess.half_width, "to": branch.to, "back_to": branch.back_to}
+    for (first, one), (second, other) in combinations(named.items() if branch.to else (), 2):
+        # A branch that comes back may end at the width it began at.
+        apart = second == "to" or first == "to"
+        if apart and one is not None and other is not None and close(one, other):
+            found.report(second, f"must differ from {first}, got {got(found.nodes[second])}")
+    return branch
+
+
+def _width_range(reader: Reader, node: Node) -> tuple[float, ...] | None:
     """b_j = from + j (to - from)/steps, j = 0..steps: the schedule (3.2)-(3.3) of Koldaev (2022)."""
     found = reader.section(node, "widths", RANGE)
-    first, last = found.read("from", limit), found.read("to", limit)
-    steps: int | None = found.read("steps")
+    first, last, steps = found.values().values()
     if first is None or last is None:
         return None
     if close(first, last):
-        node = found.nodes["to"]
-        reader.report(node, "widths.to", f"must differ from widths.from, got {got(node)}")
+        found.report("to", f"must differ from widths.from, got {got(found.nodes['to'])}")
         return None
     if steps is None:
         return None
     # The last one exactly as written, whatever the rounding of the formula.
     values = (*(first + j * (last - first) / steps for j in range(steps)), last)
     if any(close(a, b) for a, b in pairwise(values)):
-        reader.report(
-            found.nodes["steps"], "widths.steps", f"must leave the widths apart, got {steps}: take fewer"
-        )
+        found.report("steps", f"must leave the widths apart, got {steps}: take fewer")
         return None
     return values
 
@@ -108,25 +131,3 @@ def _refined_widths(reader: Reader, items: ListItems, known: tuple[float, ...] |
         else:
             chosen[nearest] = None
     return tuple(chosen)
-
-
-def spectrum(reader: Reader, node: Node | None) -> SpectrumRequest:
-    """How much of the eigen-spectrum to store."""
-    if node is None:
-        return SpectrumRequest()
-    found = reader.section(node, "spectrum", SPECTRUM)
-    metrics = (
-        _metrics(reader, found.items("metrics")) if "metrics" in found.nodes else SpectrumRequest.metrics
-    )
-    return SpectrumRequest(found.read("modes"), found.read("full_up_to"), metrics)
-
-
-def _metrics(reader: Reader, items: ListItems) -> tuple[str, ...]:
-    """The metrics asked for, in the one order that they are kept in."""
-    chosen: set[str] = set()
-    for item, field, metric in items:
-        if metric in chosen:
-            reader.report(item, field, f"must be given once, got {metric} again")
-        elif metric is not None:
-            chosen.add(metric)
-    return tuple(metric for metric in METRICS if metric in chosen)

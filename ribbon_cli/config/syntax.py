@@ -2,47 +2,29 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal
-
 import yaml
 
-
-@dataclass(frozen=True)
-class _Explanation:
-    """A sentence for an error whose context and problem hold the given words, and where it points to.
-
-    The words are common to PyYAML's own parser and to libyaml's, so that both give the same text.
-    """
-
-    context: str
-    problem: str
-    at: Literal["problem", "context"]
-    sentence: str
-
-
 _EXPLANATIONS = (
-    _Explanation("simple key", "", "context", "a key needs a colon and a space after it"),
-    _Explanation("flow sequence", "", "problem", "expected , or ] in the list opened at {opened}"),
-    _Explanation("flow mapping", "", "problem", "expected , or }} in the braces opened at {opened}"),
-    _Explanation("quoted", "end of stream", "context", "the quoted text that starts here is not closed"),
-    _Explanation("quoted", "escape", "problem", "unknown escape (\\) in a text in double quotes"),
-    _Explanation(
-        "",
-        "mapping values are not allowed",
-        "problem",
-        "a colon out of place: check the line above and the indentation",
-    ),
-    _Explanation(
-        "", "cannot start any token", "problem", "a value cannot start with this character: quote the text"
-    ),
-    _Explanation("block mapping", "", "problem", "the indentation does not fit the lines above"),
-    _Explanation("block collection", "", "problem", "expected another '- ' of the list begun at {opened}"),
-    _Explanation("", "node content", "problem", "a value is missing here"),
-    _Explanation("", "entries are not allowed", "problem", "a list's '- ' must be the first on its line"),
-    _Explanation("", "document start", "problem", "nothing may follow the end of the document"),
-    _Explanation("", "undefined tag handle", "problem", "tags (!) are not accepted: remove it"),
+    ("simple key", "", "a key needs a colon and a space after it"),
+    ("flow sequence", "", "expected , or ] in the list opened at {opened}"),
+    ("flow mapping", "", "expected , or }} in the braces opened at {opened}"),
+    ("quoted", "end of stream", "the quoted text that starts here is not closed"),
+    ("quoted", "escape", "unknown escape (\\) in a text in double quotes"),
+    ("", "mapping values are not allowed", "a colon out of place: check the line above and the indentation"),
+    ("", "cannot start any token", "a value cannot start with this character: quote the text"),
+    ("block mapping", "", "the indentation does not fit the lines above"),
+    ("block collection", "", "expected another '- ' of the list begun at {opened}"),
+    ("", "node content", "a value is missing here"),
+    ("", "entries are not allowed", "a list's '- ' must be the first on its line"),
+    ("", "document start", "nothing may follow the end of the document"),
+    ("", "undefined tag handle", "tags (!) are not accepted: remove it"),
 )
+"""Words of an error's context and of its problem, and a sentence for errors that hold both.
+
+The words are common to PyYAML's own parser and to libyaml's, so that both give the same text.
+"""
+_AT_CONTEXT = (_EXPLANATIONS[0], _EXPLANATIONS[3])
+"""Those that point to where something began, not to where it went wrong."""
 
 
 def explain(error: yaml.MarkedYAMLError) -> tuple[int, int, str]:
@@ -50,10 +32,11 @@ def explain(error: yaml.MarkedYAMLError) -> tuple[int, int, str]:
     context, problem = error.context or "", error.problem or ""
     opened = _place(error.context_mark)
     for known in _EXPLANATIONS:
-        if known.context in context and known.problem in problem:
-            mark = error.context_mark if known.at == "context" else error.problem_mark
-            sentence = known.sentence.format(opened="{}:{}".format(*opened))
-            return *_place(mark), f"not valid YAML: {sentence}"
+        in_context, in_problem, sentence = known
+        if in_context in context and in_problem in problem:
+            mark = error.context_mark if known in _AT_CONTEXT else error.problem_mark
+            said = sentence.format(opened="{}:{}".format(*opened))
+            return *_place(mark), f"not valid YAML: {said}"
     return *_place(error.problem_mark or error.context_mark), f"not valid YAML: {problem or context}"
 
 

@@ -60,7 +60,8 @@ BRANCH = Section((
 ), about="pseudo-arclength continuation in the half-width")
 LEVELS_AT = Section((
     Key("levels", LEVEL_LIST, "numbers of segments", required="the numbers of segments"),
-    Key("at", Items(HALF_WIDTH, WIDTH_LIST.at_most, once=True), "half-widths that are refined",
+    # Any number: what the widths do not hold is said of it whatever its size.
+    Key("at", Items(Number(), WIDTH_LIST.at_most, once=True), "half-widths that are refined",
         otherwise="all"),
 ))
 TOPOLOGY = Section((

@@ -81,22 +81,6 @@ class Arclength:
     stop_at: tuple[str, ...] = ()
     switch: int = 0
 
-    def settings(self) -> dict[str, Any]:
-        """The settings in a config's own layout, those left out that say nothing."""
-        out: dict[str, Any] = {"to": self.to}
-        if self.back_to is not None:
-            out["back_to"] = self.back_to
-        if self.both:
-            out["both"] = True
-        if self.at:
-            out["at"] = list(self.at)
-        out |= {"max_step": self.max_step, "steps": self.steps}
-        if self.stop_at:
-            out["stop_at"] = list(self.stop_at)
-        if self.switch:
-            out["switch"] = self.switch
-        return out
-
 
 @dataclass(frozen=True)
 class Config:
@@ -130,12 +114,6 @@ class Config:
     def scientific(self) -> dict[str, Any]:
         """The part that determines the states: all but the name, where files lie, and how it was spelled."""
         guess = self.guess
-        recipe = {
-            "recipe": guess.recipe,
-            "segments": guess.segments,
-            "half_width": guess.half_width,
-            "steps": guess.steps,
-        }
         levels, at = list(self.refinement.levels), self.refinement.at
         part: dict[str, Any] = {
             "topology": {"half_twists": self.half_twists},
@@ -144,20 +122,16 @@ class Config:
             "initial_guess": (
                 {"state": guess.state_as_written, **({"saddle": "keep"} if guess.keep_saddle else {})}
                 if guess.recipe == "state"
-                else {key: value for key, value in recipe.items() if value is not None}
+                else _said(guess)
             ),
         }
         if self.widths:
             part["widths"] = list(self.widths)
         if self.arclength is not None:
-            part["widths"] = {"arclength": self.arclength.settings()}
+            part["widths"] = {"arclength": _said(self.arclength)}
         if levels:
             part["refinement"] = levels if at is None else {"levels": levels, "at": list(at)}
-        part["spectrum"] = {
-            "modes": self.spectrum.modes,
-            "full_up_to": self.spectrum.full_up_to,
-            "metrics": list(self.spectrum.metrics),
-        }
+        part["spectrum"] = vars(self.spectrum) | {"metrics": list(self.spectrum.metrics)}
         part["contact"] = self.contact
         return part
 
@@ -165,6 +139,12 @@ class Config:
         """First 8 hexadecimal digits of the SHA-256 of `scientific()` as canonical JSON (floats by repr)."""
         canonical = json.dumps(self.scientific(), sort_keys=True, separators=(",", ":"), allow_nan=False)
         return hashlib.sha256(canonical.encode("ascii")).hexdigest()[:8]
+
+
+def _said(record: Guess | Arclength) -> dict[str, Any]:
+    """The fields of a record that say something, in a config's own layout."""
+    said = {name: value for name, value in vars(record).items() if value}
+    return {name: list(value) if isinstance(value, tuple) else value for name, value in said.items()}
 
 
 def dump_resolved(config: Config) -> str:

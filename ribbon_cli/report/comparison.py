@@ -139,15 +139,14 @@ def compare_runs(first: Run, second: Run, judge: Judge) -> list[StatePair]:
     return pairs
 
 
-def deciding(pairs: Sequence[StatePair]) -> StatePair | None:
-    """The pair that decides how far two runs are the same, the one furthest apart; None where all are
-    identical.
-    """
+def decided(pairs: Sequence[StatePair]) -> tuple[Judgement, StatePair | None]:
+    """How far two runs are the same, and the pair that decides it: the one furthest apart, if any is."""
     for answer in (DIFFERENT, SAME):
         these = [pair for pair in pairs if pair.judgement.answer == answer]
         if these:
-            return max(these, key=lambda pair: pair.judgement.largest_relative_difference or 0.0)
-    return None
+            pair = max(these, key=lambda pair: pair.judgement.largest_relative_difference or 0.0)
+            return pair.judgement, pair
+    return Judgement(IDENTICAL), None
 
 
 def _by_stage(run: Run) -> dict[tuple[str, str, int], Summary]:

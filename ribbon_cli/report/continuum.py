@@ -8,11 +8,12 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 from ribbon_cli.digits import fixed
 from ribbon_cli.facts import same_width
+from ribbon_cli.text import aligned
 
 MISSING = "-"
 
@@ -142,7 +143,7 @@ def state_text(state: Continuum) -> str:
         for q in group:
             cells = lines.setdefault(q.name, [q.name, q.equation, *[""] * len(zones)])
             cells[2 + (zones.index(q.zone) if q.zone else len(zones) - 1)] = _size(q.value, q.limit)
-        blocks.append(_aligned([[section, "equation", *zones], *lines.values()], words=2))
+        blocks.append(aligned([[section, "equation", *zones], *lines.values()], left=(0, 1)))
     return "\n\n".join(blocks) + "\n"
 
 
@@ -166,18 +167,8 @@ def _table_text(table: OrderTable) -> str:
             head = ["", ""] if row.name == name else [row.name, row.equation]
             name = row.name
             lines.append([*head, row.zone, *values, *gap, *orders])
-        blocks.append(_aligned(lines, words=3))
+        blocks.append(aligned(lines, left=(0, 1, 2)))
     return "\n\n".join(blocks) + "\n"
-
-
-def state_document(state: Continuum, run: str | None) -> dict[str, Any]:
-    """One state for programs; `run` is its run's name."""
-    return {"run": run, **asdict(state)}
-
-
-def tables_document(tables: Sequence[OrderTable], run: str | None) -> dict[str, Any]:
-    """Tables for programs; `run` is the run's name."""
-    return {"run": run, "tables": [asdict(table) for table in tables]}
 
 
 def _sections(items: Sequence[Any]) -> list[tuple[str, list[Any]]]:
@@ -200,16 +191,3 @@ def _size(value: float | None, limit: bool) -> str:
     if value is None or math.isnan(value):
         return MISSING
     return fixed(value, 6) if limit else f"{value:.1e}"
-
-
-def _aligned(lines: Sequence[Sequence[str]], words: int) -> str:
-    """Columns two spaces apart, the first `words` of them aligned on the left."""
-    widths = [max(len(line[k]) for line in lines) for k in range(len(lines[0]))]
-    text = []
-    for line in lines:
-        cells = [
-            cell.ljust(width) if k < words else cell.rjust(width)
-            for k, (cell, width) in enumerate(zip(line, widths, strict=True))
-        ]
-        text.append("  ".join(cells).rstrip())
-    return "\n".join(text)

@@ -3,99 +3,90 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from ribbon_cli.report.tables import csv_text
+from ribbon_cli.text import aligned, pipes
 
 Document = Mapping[str, Any]
 """What `--json` prints, of which the other formats show the most of."""
 
 MISSING = "-"
+_MODE = ("value", "bound", "label", "sliding_overlap", "hidden")
+"""Numbers of a mode that CSV has, of one state and of all of a run."""
 
 
-def spectrum_text(document: Document) -> str:
+def render(document: Document, style: str) -> str:
+    """A state's modes, a run's convergence or all of a run's states, as text, markdown or csv."""
+    if "sequences" in document:
+        return _convergence_csv(document) if style == "csv" else _convergence(document, style)
+    if "states" in document:
+        return _run_csv(document) if style == "csv" else _run(document, style)
+    return _spectrum_csv(document) if style == "csv" else _spectrum(document, style)
+
+
+def _spectrum(document: Document, style: str) -> str:
     """A state's modes in columns, its symmetry, and the verdict as the last line."""
-    return (
-        "\n".join([*_heading(document), "", _aligned(_spectrum_rows(document)), "", document["verdict"]])
-        + "\n"
-    )
+    heading, rows, verdict = _heading(document), _spectrum_rows(document), document["verdict"]
+    if style == "text":
+        return "\n".join([*heading, "", aligned(rows), "", verdict, ""])
+    return "\n".join([*(f"{line}  " for line in heading), "", pipes(rows), "", f"**{verdict}**", ""])
 
 
-def spectrum_markdown(document: Document) -> str:
-    """The same with a pipe table."""
-    heading = [f"{line}  " for line in _heading(document)]
-    return (
-        "\n".join([*heading, "", _pipes(_spectrum_rows(document)), "", f"**{document['verdict']}**"]) + "\n"
-    )
-
-
-def spectrum_csv(document: Document) -> str:
+def _spectrum_csv(document: Document) -> str:
     """One line a mode, numbers to full precision; `position` spreads the modes evenly on [0, 1]."""
-    modes = document["modes"]
+    modes, names = document["modes"], document["symmetries"]
     last = max(len(modes) - 1, 1)
-    names = document["symmetries"]
     rows = [
-        {
-            "number": k + 1,
-            "position": k / last,
-            **{
-                key: mode[key] for key in ("value", "bound", "residual", "label", "sliding_overlap", "hidden")
-            },
-            **{name: mode["symmetry"].get(name, "") for name in names},
-        }
+        {"number": k + 1, "position": k / last}
+        | {key: mode[key] for key in ("value", "bound", "residual", *_MODE[2:])}
+        | {name: mode["symmetry"].get(name, "") for name in names}
         for k, mode in enumerate(modes)
     ]
     return csv_text(rows)
 
 
-def convergence_text(document: Document) -> str:
-    """Sequences of eigenvalues by half-width, a column for each N, with orders and limits."""
-    blocks = []
+def _convergence(document: Document, style: str) -> str:
+    """Sequences of eigenvalues by half-width, a column for each N, with orders and limits.
+
+    Text says why limits are settled or not.
+    """
+    blocks, notes = [], document["notes"]
     for half_width, rows in _by_width(document):
-        blocks.append(
-            f"b = {half_width:.10g}, {document['metric']} metric: {document['formula']}\n{_aligned(rows)}"
-        )
-        blocks += [_reasons(document, half_width)]
-    if document["notes"]:
-        blocks.append("\n".join(document["notes"]))
+        head = f"b = {half_width:.10g}, {document['metric']} metric"
+        if style == "text":
+            blocks += [f"{head}: {document['formula']}\n{aligned(rows)}", _reasons(document, half_width)]
+        else:
+            blocks.append(f"{head}\n\n{pipes(rows)}")
+    if style == "text":
+        blocks += ["\n".join(notes)] if notes else []
+    else:
+        blocks += [f"- {note}" for note in notes]
     return "\n\n".join(blocks) + "\n"
 
 
-def convergence_markdown(document: Document) -> str:
-    """The same with pipe tables."""
-    blocks = []
-    for half_width, rows in _by_width(document):
-        blocks.append(f"b = {half_width:.10g}, {document['metric']} metric\n\n{_pipes(rows)}")
-    blocks += [f"- {note}" for note in document["notes"]]
-    return "\n\n".join(blocks) + "\n"
-
-
-def convergence_csv(document: Document) -> str:
-    """One line for each eigenvalue at each N, numbers to full precision."""
+def _convergence_csv(document: Document) -> str:
+    """One line for each eigenvalue at each N, numbers to full precision, missing ones empty."""
+    named, result = ("half_width", "label", "number", "parity"), ("limit", "error", "settled")
     rows = [
-        {
-            "half_width": item["half_width"],
-            "label": item["label"],
-            "number": item["number"],
-            "parity": item["parity"],
-            "segments": n,
-            "value": item["values"][k],
-            "bound": item["bounds"][k],
-            "sliding_overlap": item["overlaps"][k],
-            "order": "" if item["orders"][k] is None else item["orders"][k],
-            "limit": "" if item["limit"] is None else item["limit"],
-            "error": "" if item["error"] is None else item["error"],
-            "settled": item["settled"],
-        }
+        {key: item[key] for key in named}
+        | {"segments": n, "value": item["values"][k], "bound": item["bounds"][k]}
+        | {"sliding_overlap": item["overlaps"][k], "order": item["orders"][k]}
+        | {key: item[key] for key in result}
         for item in document["sequences"]
         for k, n in enumerate(item["segments"])
     ]
     return csv_text(rows)
 
 
-def run_text(document: Document) -> str:
-    """A line for each state: how its spectrum ends below, and how many modes are checkerboards."""
+def _run(document: Document, style: str) -> str:
+    """A line for each state: how its spectrum ends below, how many modes are checkerboards.
+
+    Markdown has the states one after the other, each with its table.
+    """
+    if style == "markdown":
+        return "\n".join(_spectrum(state, style) for state in document["states"])
     rows = [["b", "N", "rule", "modes", "lowest", "lowest/h", "hidden modes", "under 1e-2 of the median"]]
     for state in document["states"]:
         values = sorted(mode["value"] for mode in state["modes"] if mode["label"] != "rotation")
@@ -104,33 +95,19 @@ def run_text(document: Document) -> str:
         figures = [f"{values[0]:.6g}", f"{values[0] / state['h']:.6g}", str(hidden), str(small)]
         place = [f"{state['half_width']:.10g}", str(state["segments"]), state["discretisation"]]
         rows.append([*place, str(len(values)), *figures])
-    return f"{document['metric']} metric, all eigenvalues besides rotations\n\n{_aligned(rows)}\n"
+    return f"{document['metric']} metric, all eigenvalues besides rotations\n\n{aligned(rows)}\n"
 
 
-def run_markdown(document: Document) -> str:
-    """The states one after the other, each with its table."""
-    return "\n".join(spectrum_markdown(state) for state in document["states"])
-
-
-def run_csv(document: Document) -> str:
+def _run_csv(document: Document) -> str:
     """One line a mode, with its state in front: the data of Koldaev (2022), Figure 3.14."""
     rows = []
     for state in document["states"]:
         modes = [mode for mode in state["modes"] if mode["label"] != "rotation"]
         place = {key: state[key] for key in ("half_width", "segments", "discretisation")}
         for k, mode in enumerate(modes):
-            figures = {key: mode[key] for key in ("value", "bound", "label", "sliding_overlap", "hidden")}
+            figures = {key: mode[key] for key in _MODE}
             rows.append({**place, "position": k / max(len(modes) - 1, 1), **figures})
     return csv_text(rows)
-
-
-def renderers(document: Document) -> dict[str, Callable[[Document], str]]:
-    """Renderers by the name a user gives: of one state, of a run's convergence, of all of a run's states."""
-    if "sequences" in document:
-        return {"text": convergence_text, "markdown": convergence_markdown, "csv": convergence_csv}
-    if "states" in document:
-        return {"text": run_text, "markdown": run_markdown, "csv": run_csv}
-    return {"text": spectrum_text, "markdown": spectrum_markdown, "csv": spectrum_csv}
 
 
 def _heading(document: Document) -> list[str]:
@@ -195,14 +172,3 @@ def _reasons(document: Document, half_width: float) -> str:
             name = item["label"] if item["label"] == "sliding" else f"mode {item['number']}"
             reasons.setdefault(item["reason"], []).append(name)
     return "\n".join(f"{', '.join(names)}: {reason}" for reason, names in reasons.items())
-
-
-def _aligned(rows: Sequence[Sequence[str]]) -> str:
-    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
-    lines = ("  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)) for row in rows)
-    return "\n".join(line.rstrip() for line in lines)
-
-
-def _pipes(rows: Sequence[Sequence[str]]) -> str:
-    lines = [rows[0], ["---:"] * len(rows[0]), *rows[1:]]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)

@@ -14,6 +14,7 @@ from dataclasses import asdict, dataclass, fields
 
 from ribbon_cli.digits import energy, powers, with_error
 from ribbon_cli.report.convergence import Extrapolation, Row, Table
+from ribbon_cli.text import aligned, pipes
 
 MISSING = "-"
 _LIMIT = ("extrapolated_energy", "extrapolation_error", "settled")
@@ -44,16 +45,9 @@ NOTHING = Beside()
 
 def as_text(table: Table, beside: Beside = NOTHING) -> str:
     """Aligned plain text."""
-    heads = ["b", "N", "E_N", "Delta_N", "ratio", "order", *beside.heads, "note"]
-    cells = [heads]
-    for k, row in enumerate(table.rows):
-        cells.append([*_cells(row), *beside.row(k), row.note])
-    widths = [max(len(line[k]) for line in cells) for k in range(len(heads) - 1)]
-    lines = []
-    for *figures, note in cells:
-        aligned = [cell.rjust(width) for cell, width in zip(figures, widths, strict=True)]
-        lines.append("  ".join([*aligned, note]).rstrip())
-    blocks = ["\n".join(lines)]
+    lines = [["b", "N", "E_N", "Delta_N", "ratio", "order", *beside.heads, "note"]]
+    lines += [[*_cells(row), *beside.row(k), row.note] for k, row in enumerate(table.rows)]
+    blocks = [aligned(lines, left={len(lines[0]) - 1})]
     if table.extrapolations:
         blocks.append("\n".join(["N -> infinity:", *map(_sentence, table.extrapolations)]))
     if beside.footnotes:
@@ -67,27 +61,17 @@ def _footnotes(beside: Beside) -> list[str]:
 
 def as_markdown(table: Table) -> str:
     """A pipe table; rows without certificate carry a note in bold."""
-    heads = ["b", "N", "E_N", "Δ_N", "ratio", "order", "note"]
-    lines = [heads, ["---:"] * (len(heads) - 1) + [":---"]]
-    for row in table.rows:
-        mark = f"**{row.note}**" if row.note else ""
-        lines.append([*_cells(row), mark])
-    blocks = ["\n".join(f"| {' | '.join(line)} |" for line in lines)]
+    lines = [["b", "N", "E_N", "Δ_N", "ratio", "order", "note"]]
+    lines += [[*_cells(row), f"**{row.note}**" if row.note else ""] for row in table.rows]
+    blocks = [pipes(lines, left={len(lines[0]) - 1})]
     blocks.append("N → ∞:\n\n" + "\n".join(f"- {_sentence(item)}" for item in table.extrapolations))
     return "\n\n".join(blocks) + "\n"
 
 
 def as_latex(table: Table, beside: Beside = NOTHING) -> str:
     """A `tabular` that needs no package, followed by the extrapolations and footnotes as paragraphs."""
-    heads = [
-        "$b$",
-        "$N$",
-        "$E_N$",
-        r"$\Delta_N$",
-        r"$\Delta_N/\Delta_{2N}$",
-        r"$\log_2(\Delta_N/\Delta_{2N})$",
-    ]
-    heads += [*map(_latex, beside.heads), "note"]
+    heads = ["$b$", "$N$", "$E_N$", r"$\Delta_N$", r"$\Delta_N/\Delta_{2N}$"]
+    heads += [r"$\log_2(\Delta_N/\Delta_{2N})$", *map(_latex, beside.heads), "note"]
     lines = [
         rf"\begin{{tabular}}{{{'r' * (len(heads) - 1)}l}}",
         r"\hline",
