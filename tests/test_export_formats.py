@@ -23,7 +23,7 @@ from vtkmodules.vtkIOHDF import vtkHDFReader
 
 from ribbon_cli.errors import UsageError
 from ribbon_cli.export.formats import FORMATS
-from ribbon_cli.export.mesh import facet_corners, is_closed, surface
+from ribbon_cli.export.mesh import facet_corners, is_closed, strip
 from ribbon_cli.export.meshes import obj_bytes, ply_bytes, stl_bytes
 from ribbon_cli.export.solid import printed, solid
 from ribbon_cli.export.text import csv_bytes, json_bytes
@@ -60,8 +60,8 @@ def written(state: StateRecord, name: str) -> np.ndarray:
 
 
 def test_facets_are_flat_and_the_seam_is_joined(state):
-    mesh = surface(state)
-    assert mesh.strip.closed == is_closed(state) == (state.kind == "equilibrium")
+    mesh = strip(state)
+    assert mesh.closed == is_closed(state) == (state.kind == "equilibrium")
     corners = mesh.points[mesh.quads]
     np.testing.assert_allclose(corners, facet_corners(state), atol=1e-9)
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -71,7 +71,7 @@ def test_facets_are_flat_and_the_seam_is_joined(state):
 
 def test_obj_is_read_back(state, tmp_path):
     read = read_mesh(obj_bytes(state, "a band"), ".obj", tmp_path)
-    mesh = surface(state)
+    mesh = strip(state)
     np.testing.assert_array_equal(read.points, mesh.points)
     (cells,) = read.cells
     assert cells.type == "quad"
@@ -80,7 +80,7 @@ def test_obj_is_read_back(state, tmp_path):
 
 def test_ply_is_read_back(state):
     read = trimesh.load(io.BytesIO(ply_bytes(state, "a band")), file_type="ply", process=False)
-    mesh = surface(state)
+    mesh = strip(state)
     np.testing.assert_array_equal(read.vertices, mesh.points)
     # trimesh cuts each quadrilateral in two.
     assert len(read.faces) == 2 * state.segments
@@ -162,7 +162,7 @@ def test_vtk_reads_a_branch_as_a_series(solved, tmp_path):  # noqa: F811
         reader.Update()
         assert reader.GetTimeValue() == state.half_width
         grid = reader.GetOutputDataObject(0)
-        mesh = surface(state)
+        mesh = strip(state)
         np.testing.assert_array_equal(vtk_to_numpy(grid.GetPoints().GetData()), mesh.points)
         assert grid.GetNumberOfCells() == state.segments
         assert grid.GetCellType(0) == 9

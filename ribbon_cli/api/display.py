@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from ribbon_cli import api, digits, export, plot
 from ribbon_cli.errors import RibbonError
 from ribbon_cli.pages import html
+from ribbon_cli.pages.columns import OF_STATES, contact, listing
 from ribbon_cli.store import Summary, content_sha256
 from ribbon_cli.text import visible
 
@@ -29,7 +30,7 @@ def state_html(state: api.OpenState) -> str:
     linking = "Tw + Wr" if state.seam_open else "Lk"
     rows: list[tuple[str, html.Cell]] = [
         ("certificate", (export.words.verdict(state), _mark(state.certified and state.kind != "auxiliary"))),
-        ("self-contact", (export.words.MEETS_ITSELF, "no") if state.self_contact else "none"),
+        ("self-contact", contact(state)),
         ("b", f"{state.half_width:.10g}"),
         ("N", str(state.segments)),
         ("E", digits.energy(state.energy)),
@@ -60,26 +61,17 @@ def run_html(run: api.OpenRun) -> str:
         states, lost = run.found()
     except RibbonError as error:
         return html.paragraph(f"run {run.name}: {error}")
-    head = ("label", "b", "N", "E", "status", "Lk", "self-contact", "certificate")
     title = html.paragraph(f"run {run.name}: {_counts(states, len(run.entries()), len(lost))}")
     left = len(states) - SHOWN
     more = html.paragraph(f"the last {SHOWN}; `run.table()` has {left} before them") if left > 0 else ""
-    return title + html.table(head, [_row(state) for state in states[-SHOWN:]]) + more
+    return title + listing(_STATES, states[-SHOWN:]) + more
 
 
-def _row(state: Summary) -> list[str | tuple[str, str]]:
-    """The row of an equilibrium."""
-    energy, linking, certified = state.energy, state.linking_number, state.certified
-    return [
-        (str(state.label), "n"),
-        (f"{state.half_width:.10g}", "n"),
-        (str(state.segments), "n"),
-        ("-" if energy is None else digits.energy(energy), "n"),
-        state.status,
-        "-" if linking is None else _number(linking),
-        (export.words.MEETS_ITSELF, "no") if state.self_contact else "none",
-        ("certified", "yes") if certified else ("no certificate", "no"),
-    ]
+_STATES = dict(OF_STATES) | {
+    "Lk": lambda state: "–" if state.linking_number is None else _number(state.linking_number),
+    "self-contact": contact,
+    "certificate": lambda state: ("certified", "yes") if state.certified else ("no certificate", "no"),
+}
 
 
 def _counts(states: Sequence[Summary], stored: int, lost: int) -> str:

@@ -42,25 +42,6 @@ class Named:
         return f"{self.run.name}:{self.states[0].label}" if self.run else os.path.basename(self.ref)
 
 
-@dataclass(frozen=True)
-class Drawn:
-    """A picture, what it was drawn from, and what it says of its data."""
-
-    picture: plot.kinds.Picture
-    source: plot.kinds.Source
-    style: plot.style.Style
-    caption: str
-
-    @property
-    def words(self) -> str:
-        """Title and caption, as they stand below the picture."""
-        return f"{self.picture.title}. {self.caption}."
-
-    def figure(self, caption: bool = True, title: str | None = None) -> plot.canvas.Figure:
-        """The figure in full dress; it is drawn upon, so ask for it once."""
-        return plot.figure.dressed(self.picture.figure, self.style, self.words if caption else None, title)
-
-
 def check_kind(
     kind: str, index: int | None, view: object, segments: int | None, others: Sequence[object]
 ) -> None:
@@ -132,16 +113,6 @@ def source_of(
     )
 
 
-def drawn(kind: str, source: plot.kinds.Source, style: plot.style.Style) -> Drawn:
-    """The picture of a kind. Raises UsageError, which says what to run, where the data lack for it."""
-    picture = plot.kinds.draw(kind, source, style)
-    run = source.run.name if source.run else None
-    caption = picture.words or (
-        plot.figure.state_caption(picture.states, run, source.names) if picture.states else str(run)
-    )
-    return Drawn(picture, source, style, caption)
-
-
 def figure_of(
     kind: str,
     first: Named,
@@ -162,11 +133,11 @@ def figure_of(
     check_title(title)
     look = plot.figure.find_style(style)
     look = look if width is None else plot.style.of_width(look, width)
-    shown = drawn(kind, source_of(kind, first, others, view, segments, index), look)
-    warning = export.words.contact_warning(shown.picture.states)
+    picture = plot.kinds.draw(kind, source_of(kind, first, others, view, segments, index), look)
+    warning = export.words.contact_warning(picture.states)
     if warning:
         warnings.warn(warning, RibbonWarning, stacklevel=3)
-    return shown.figure(caption, title)
+    return picture.dressed(look, caption, title)
 
 
 def _mode(record: StateRecord, index: int | None) -> plot.modes.ModeShape:

@@ -72,9 +72,9 @@ def export(
         store.export_npz(states[0], target, overwrite)
         return Exported(form, (target,), states, warning=exports.words.contact_warning(states))
     writer = exports.formats.FORMATS[form]
-    data = writer.write(states, _title(run, states), run.name if run else None, options)
-    paths = _write(target, data, overwrite, hint)
-    facts, words = writer.remarks(states[0], options) if writer.remarks else ({}, [])
+    job = exports.formats.Job(states, _title(run, states), run.name if run else None, options)
+    paths = _write(target, writer.write(job), overwrite, hint)
+    facts, words = writer.remarks(job)
     return Exported(form, paths, states, facts, tuple(words), exports.words.contact_warning(states))
 
 

@@ -7,11 +7,12 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from typing import TYPE_CHECKING
 
-from ribbon_cli import api, digits, export, study
+from ribbon_cli import api, study
 from ribbon_cli.api.extras import extra
 from ribbon_cli.config import STOPS, Arclength
 from ribbon_cli.errors import UsageError
 from ribbon_cli.pages import html
+from ribbon_cli.pages.columns import OF_STATES, contact, listing
 from ribbon_cli.store import suggest
 from ribbon_cli.text import visible
 
@@ -85,7 +86,9 @@ class Followed:
         """
         pandas = extra("pandas", "followed.table()")
         rows = [{"branch": c.name} | asdict(point) for c in self.branches for point in c.points]
-        table = pandas.DataFrame(rows, columns=["branch", *_columns()])
+        table = pandas.DataFrame(
+            rows, columns=["branch", *(field.name for field in fields(study.outcome.CoursePoint))]
+        )
         for name in ("negative_eigenvalues", "index_before", "index_after"):
             table[name] = table[name].astype("Int64")
         numbers = ("lowest_eigenvalue", "sliding_overlap", "linking_number", "clearance", "arclength")
@@ -103,27 +106,19 @@ class Followed:
         return visible(f"<followed in {self.run.name}: {'; '.join(self._lines())}>")
 
     def _repr_html_(self) -> str:
-        head = ("label", "type", "b", "E", "status", "negative eigenvalues", "self-contact")
         parts = []
         for line, course in zip(self._lines(), self.branches, strict=True):
-            rows: list[tuple[html.Cell, ...]] = [
-                (
-                    (str(point.label), "n"),
-                    point.type,
-                    (f"{point.half_width:.10g}", "n"),
-                    ("-" if point.energy is None else digits.energy(point.energy), "n"),
-                    point.status,
-                    "-" if point.negative_eigenvalues is None else str(point.negative_eigenvalues),
-                    (export.words.MEETS_ITSELF, "no") if point.self_contact else "none",
-                )
-                for point in course.points
-            ]
-            parts += [html.paragraph(line), html.table(head, rows)]
+            parts += [html.paragraph(line), listing(_POINTS, course.points)]
         return "".join(parts)
 
 
-def _columns() -> list[str]:
-    return [field.name for field in fields(study.outcome.CoursePoint)]
+_POINTS = {
+    "label": OF_STATES["label"],
+    "type": lambda point: point.type,
+    **{name: OF_STATES[name] for name in ("b", "E", "status")},
+    "negative eigenvalues": lambda point: "–" if (k := point.negative_eigenvalues) is None else str(k),
+    "self-contact": contact,
+}
 
 
 def _contacts(course: study.Course) -> str:

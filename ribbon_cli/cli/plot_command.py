@@ -97,24 +97,22 @@ def plot(
     source = api.drawing.source_of(kind, first, more, _angles(view), segments, index)
     path = output or f"{first.stem}-{kind}.pdf"
     check_target(path, overwrite)
-    shown = api.drawing.drawn(kind, source, style)
-    picture = shown.picture
+    picture = pictures.kinds.draw(kind, source, style)
     if form == pictures.figure.ANIMATED:
-        data = pictures.kinds.animate(picture, source, style, None if no_caption else shown.words, title)
+        data = pictures.kinds.animate(picture, source, style, None if no_caption else picture.words, title)
     else:
-        data = pictures.figure.image(
-            shown.figure(not no_caption, title), form, style, title or picture.title, shown.caption
-        )
+        figure = picture.dressed(style, not no_caption, title)
+        data = pictures.figure.image(figure, form, style, title or picture.title, picture.caption)
     store.write_atomic(path, data, overwrite=overwrite)
     warn(settings, export.words.contact_warning(picture.states))
     if settings.json:
         run = source.run.name if source.run else None
         labels = [record.label for record in picture.states]
-        document = {"path": path, "kind": kind, "run": run, "labels": labels, "caption": shown.caption}
+        document = {"path": path, "kind": kind, "run": run, "labels": labels, "caption": picture.caption}
         emit_json(document | _mode_document(picture.mode))
     else:
         emit(path)
-        say(settings, shown.words)
+        say(settings, picture.words)
 
 
 def _mode_document(mode: pictures.modes.ModeShape | None) -> dict[str, Any]:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 from ribbon_cli.errors import UsageError
 from ribbon_cli.export.fold import fold_bytes
 from ribbon_cli.export.gltf import glb_bytes
 from ribbon_cli.export.meshes import obj_bytes, ply_bytes, stl_bytes
-from ribbon_cli.export.pattern import fold_pattern
+from ribbon_cli.export.pattern import Pattern, fold_pattern
 from ribbon_cli.export.series import branch, left_out
 from ribbon_cli.export.sheet import pages
 from ribbon_cli.export.solid import Solid, printed, remarks
@@ -39,6 +40,33 @@ class Options:
 
 
 @dataclass(frozen=True)
+class Job:
+    """What is to be written: states, a line on them, the name of their run, and what was asked for."""
+
+    states: Sequence[StateRecord]
+    title: str
+    run: str | None
+    options: Options
+
+    @property
+    def state(self) -> StateRecord:
+        """The state, for formats of one."""
+        return self.states[0]
+
+    @cached_property
+    def solid(self) -> Solid:
+        """The state as something to print."""
+        size = STL_SIZE if self.options.size is None else self.options.size
+        thickness = STL_THICKNESS if self.options.thickness is None else self.options.thickness
+        return printed(self.state, size, thickness)
+
+    @property
+    def pattern(self) -> Pattern:
+        """The state as a strip to fold."""
+        return fold_pattern(self.state, PATTERN_SIZE if self.options.size is None else self.options.size)
+
+
+@dataclass(frozen=True)
 class Format:
     """A format: how it is written, whether it takes a whole run, and which options it heeds.
 
@@ -46,98 +74,44 @@ class Format:
     as numbers and in words.
     """
 
-    write: Callable[[Sequence[StateRecord], str, str | None, Options], list[bytes]]
+    write: Callable[[Job], list[bytes]]
     series: bool = False
     options: tuple[str, ...] = ()
-    remarks: Callable[[StateRecord, Options], tuple[dict[str, float], list[str]]] | None = None
+    remarks: Callable[[Job], tuple[dict[str, float], list[str]]] = lambda job: ({}, [])
 
 
 STL_SIZE, STL_THICKNESS, PATTERN_SIZE = 200.0, 1.0, 500.0
 """Defaults in millimetres: what fits common printers, and a strip of two sheets of A4."""
 
 
-def _obj(states: Sequence[StateRecord], title: str, run: str | None, options: Options) -> list[bytes]:
-
-    return [obj_bytes(states[0], title)]
-
-
-def _ply(states: Sequence[StateRecord], title: str, run: str | None, options: Options) -> list[bytes]:
-
-    return [ply_bytes(states[0], title)]
+def _svg(job: Job) -> list[bytes]:
+    """A file for each page."""
+    pattern, paper = job.pattern, job.options.paper
+    found = pages(pattern, paper)[2]
+    return [pattern_svg(pattern, job.title, paper, page.number) for page in found]
 
 
-def _solid(state: StateRecord, options: Options) -> Solid:
-
-    size = STL_SIZE if options.size is None else options.size
-    thickness = STL_THICKNESS if options.thickness is None else options.thickness
-    return printed(state, size, thickness)
-
-
-def _stl(states: Sequence[StateRecord], title: str, run: str | None, options: Options) -> list[bytes]:
-
-    return [stl_bytes(states[0], title, _solid(states[0], options))]
-
-
-def _stl_remarks(state: StateRecord, options: Options) -> tuple[dict[str, float], list[str]]:
-
-    return remarks(state, _solid(state, options))
-
-
-def _vtkhdf(states: Sequence[StateRecord], title: str, run: str | None, options: Options) -> list[bytes]:
-
-    return [vtkhdf_bytes(states, title)]
-
-
-def _csv(states: Sequence[StateRecord], title: str, run: str | None, options: Options) -> list[bytes]:
-
-    return [csv_bytes(states[0], run)]
-
-
-def _json(states: Sequence[StateRecord], title: str, run: str | None, options: Options) -> list[bytes]:
-
-    return [json_bytes(states[0], run)]
-
-
-def _svg(states: Sequence[StateRecord], title: str, run: str | None, options: Options) -> list[bytes]:
-
-    pattern = fold_pattern(states[0], PATTERN_SIZE if options.size is None else options.size)
-    found = pages(pattern, options.paper)[2]
-    return [pattern_svg(pattern, title, options.paper, page.number) for page in found]
-
-
-def _pdf(states: Sequence[StateRecord], title: str, run: str | None, options: Options) -> list[bytes]:
-
-    pattern = fold_pattern(states[0], PATTERN_SIZE if options.size is None else options.size)
-    return [pattern_pdf(pattern, title, options.paper or "A4")]
-
-
-def _html(states: Sequence[StateRecord], title: str, run: str | None, options: Options) -> list[bytes]:
-
-    return [viewer_html(states, title, run)]
-
-
-def _fold(states: Sequence[StateRecord], title: str, run: str | None, options: Options) -> list[bytes]:
-
-    return [fold_bytes(states[0], title, run)]
-
-
-def _glb(states: Sequence[StateRecord], title: str, run: str | None, options: Options) -> list[bytes]:
-
-    return [glb_bytes(states[0], title, run)]
+def _pdf(job: Job) -> list[bytes]:
+    """All pages in one file."""
+    return [pattern_pdf(job.pattern, job.title, job.options.paper or "A4")]
 
 
 FORMATS = {
-    "obj": Format(_obj),
-    "stl": Format(_stl, options=("size", "thickness"), remarks=_stl_remarks),
-    "ply": Format(_ply),
-    "glb": Format(_glb),
-    "vtkhdf": Format(_vtkhdf, True, ("segments",)),
-    "csv": Format(_csv),
-    "json": Format(_json),
+    "obj": Format(lambda job: [obj_bytes(job.state, job.title)]),
+    "stl": Format(
+        lambda job: [stl_bytes(job.state, job.title, job.solid)],
+        options=("size", "thickness"),
+        remarks=lambda job: remarks(job.state, job.solid),
+    ),
+    "ply": Format(lambda job: [ply_bytes(job.state, job.title)]),
+    "glb": Format(lambda job: [glb_bytes(job.state, job.title, job.run)]),
+    "vtkhdf": Format(lambda job: [vtkhdf_bytes(job.states, job.title)], True, ("segments",)),
+    "csv": Format(lambda job: [csv_bytes(job.state, job.run)]),
+    "json": Format(lambda job: [json_bytes(job.state, job.run)]),
     "svg": Format(_svg, options=("size", "paper")),
     "pdf": Format(_pdf, options=("size", "paper")),
-    "fold": Format(_fold),
-    "html": Format(_html, True, ("segments",)),
+    "fold": Format(lambda job: [fold_bytes(job.state, job.title, job.run)]),
+    "html": Format(lambda job: [viewer_html(job.states, job.title, job.run)], True, ("segments",)),
 }
 """Formats but for npz, which is the store's own. A new format is a new row."""
 

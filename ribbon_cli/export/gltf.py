@@ -13,15 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ribbon_cli.export.mesh import (
-    FACET_FIELDS,
-    NODE_FIELDS,
-    ODD_FIELDS,
-    facet_corners,
-    facet_normals,
-    node_values,
-    strip,
-)
+from ribbon_cli.export.mesh import ODD_FIELDS, facet_corners, facet_fields, facet_normals, node_fields, strip
 from ribbon_cli.store import StateRecord, Summary
 
 Array = NDArray[np.float64]
@@ -56,29 +48,17 @@ def glb_bytes(record: StateRecord, title: str, run: str | None) -> bytes:
     }
     blocks = [values.astype("<f4") for values in attributes.values()]
     triangles = np.concatenate((corners[:, :3], corners[:, [0, 2, 3]]), axis=1).ravel().astype("<u4")
+    extras = {"title": title, "state": Summary.of(record).listed(run)}
+    numbers = {name: k for k, name in enumerate(attributes)}
+    primitive = {"attributes": numbers, "indices": len(blocks), "material": 0}
     document = {
-        "asset": {
-            "version": "2.0",
-            "generator": "ribbon",
-            "extras": {"title": title, "state": Summary.of(record).listed(run)},
-        },
+        "asset": {"version": "2.0", "generator": "ribbon", "extras": extras},
         "scene": 0,
         "scenes": [{"nodes": [0]}],
         "nodes": [{"mesh": 0, "name": "band"}],
-        "meshes": [
-            {
-                "name": "band",
-                "primitives": [
-                    {
-                        "attributes": {name: k for k, name in enumerate(attributes)},
-                        "indices": len(blocks),
-                        "material": 0,
-                    }
-                ],
-            }
-        ],
+        "meshes": [{"name": "band", "primitives": [primitive]}],
         "materials": [PAPER],
-        **_layout(blocks, triangles),
+        **_layout([*blocks, triangles]),
     }
     text = json.dumps(document, separators=(",", ":"), allow_nan=False).encode()
     data = b"".join(block.tobytes() for block in (*blocks, triangles))
@@ -93,35 +73,27 @@ def _fields(record: StateRecord) -> dict[str, Array]:
     """
     rulings = strip(record)
     found = {}
-    for name in NODE_FIELDS:
-        values = node_values(record, name, rulings)
+    for name, values in node_fields(record, rulings).items():
         near, far = values[rulings.near], values[rulings.far]
         if rulings.closed and name in ODD_FIELDS:
             far[-1] *= record.sigma
         found[name] = np.column_stack((near, near, far, far)).ravel()
-    found |= {name: np.repeat(getattr(record, name), 4) for name in FACET_FIELDS}
+    found |= {name: np.repeat(values, 4) for name, values in facet_fields(record).items()}
     return {name: values for name, values in found.items() if np.isfinite(values).all()}
 
 
-def _layout(blocks: list[NDArray[np.float32]], triangles: NDArray[np.uint32]) -> dict[str, Any]:
-    """Accessors, views and the buffer of the blocks, one after another, and of the triangles behind them."""
+def _layout(blocks: list[NDArray[Any]]) -> dict[str, Any]:
+    """Accessors, views and the buffer of blocks one after another; whole numbers are of triangles."""
     accessors: list[dict[str, Any]] = []
     views: list[dict[str, Any]] = []
     start = 0
-    for block in (*blocks, triangles):
-        last = block is triangles
-        views.append(
-            {
-                "buffer": 0,
-                "byteOffset": start,
-                "byteLength": block.nbytes,
-                "target": INDICES if last else VERTICES,
-            }
-        )
+    for k, block in enumerate(blocks):
+        target, number = (INDICES, UNSIGNED_INT) if block.dtype.kind == "u" else (VERTICES, FLOAT)
+        views.append({"buffer": 0, "byteOffset": start, "byteLength": block.nbytes, "target": target})
         accessors.append(
             {
-                "bufferView": len(accessors),
-                "componentType": UNSIGNED_INT if last else FLOAT,
+                "bufferView": k,
+                "componentType": number,
                 "count": len(block),
                 "type": KINDS[1 if block.ndim == 1 else block.shape[1]],
                 "min": np.atleast_1d(block.min(axis=0)).tolist(),

@@ -48,23 +48,26 @@ class Strip:
     first: tuple[int, ...]
     last: tuple[int, ...]
 
+    sigma: int
+
     @property
     def closed(self) -> bool:
         """Whether the band is closed."""
         return not self.last
 
+    @property
+    def points(self) -> Array:
+        """Vertices (2R, 3): ruling r has its end at -b g in row 2r and at +b g in row 2r + 1."""
+        return np.stack((self.low, self.high), axis=1).reshape(-1, 3)
 
-@dataclass(frozen=True)
-class Surface:
-    """Vertices and faces of a band.
-
-    `points` (2R, 3): ruling r of the strip has its end at -b g in row 2r and at +b g in row 2r + 1. `quads`
-    (N, 4) go round each facet.
-    """
-
-    points: Array
-    quads: Indices
-    strip: Strip
+    @property
+    def quads(self) -> Indices:
+        """Vertices (N, 4) round each facet, joined at the seam of a closed band."""
+        near, far = self.near, self.far
+        quads = np.column_stack((2 * near, 2 * near + 1, 2 * far + 1, 2 * far)).astype(np.int64)
+        if self.closed and self.sigma < 0:
+            quads[-1, 2:] = quads[-1, [3, 2]]
+        return quads
 
 
 def is_closed(record: StateRecord) -> bool:
@@ -92,7 +95,7 @@ def strip(record: StateRecord) -> Strip:
     near = np.arange(n)
     if is_closed(record):
         start = record.midline[:-1]
-        return Strip(start - b * record.g, start + b * record.g, near, (near + 1) % n, (), ())
+        return Strip(start - b * record.g, start + b * record.g, near, (near + 1) % n, (), (), record.sigma)
     ends = {n - 1: record.g_end}
     if record.cut_node is not None and record.g_cut is not None:
         ends = {record.cut_node - 2: record.g_cut} | ends
@@ -101,7 +104,7 @@ def strip(record: StateRecord) -> Strip:
     g = np.vstack((record.g, *ends.values()))
     far = near + 1
     far[list(last)] = n + np.arange(len(last))
-    return Strip(places - b * g, places + b * g, near, far, cuts(record), last)
+    return Strip(places - b * g, places + b * g, near, far, cuts(record), last, record.sigma)
 
 
 def cuts(record: StateRecord) -> tuple[int, ...]:
@@ -113,8 +116,8 @@ def cuts(record: StateRecord) -> tuple[int, ...]:
 
 def facet_corners(record: StateRecord) -> Array:
     """Corners (N, 4, 3) of the facets: -b g_i, +b g_i, +b g_{i+1}, -b g_{i+1}."""
-    mesh = surface(record)
-    corners: Array = mesh.points[mesh.quads]
+    rulings = strip(record)
+    corners: Array = rulings.points[rulings.quads]
     return corners
 
 
@@ -123,17 +126,6 @@ def facet_normals(record: StateRecord) -> Array:
     n = np.cross(record.g, record.u)
     unit: Array = n / np.linalg.norm(n, axis=1)[:, None]
     return unit
-
-
-def surface(record: StateRecord) -> Surface:
-    """The band's surface, its seam joined where it is closed."""
-    rulings = strip(record)
-    points = np.stack((rulings.low, rulings.high), axis=1).reshape(-1, 3)
-    near, far = rulings.near, rulings.far
-    quads = np.column_stack((2 * near, 2 * near + 1, 2 * far + 1, 2 * far)).astype(np.int64)
-    if rulings.closed and record.sigma < 0:
-        quads[-1, 2:] = quads[-1, [3, 2]]
-    return Surface(points, quads, rulings)
 
 
 def field_values(record: StateRecord, name: str) -> Array:
@@ -148,6 +140,12 @@ def field_values(record: StateRecord, name: str) -> Array:
     return values
 
 
-def node_values(record: StateRecord, name: str, rulings: Strip) -> Array:
-    """A node field at the rulings of a strip, not-a-number at those that end a piece: these are no nodes."""
-    return np.append(field_values(record, name), np.full(len(rulings.last), np.nan))
+def node_fields(record: StateRecord, rulings: Strip) -> dict[str, Array]:
+    """Node fields (R,) at the rulings, not-a-number at those that end a piece: these are no nodes."""
+    ends = np.full(len(rulings.last), np.nan)
+    return {name: np.append(field_values(record, name), ends) for name in NODE_FIELDS}
+
+
+def facet_fields(record: StateRecord) -> dict[str, Array]:
+    """Facet fields (N,)."""
+    return {name: getattr(record, name) for name in FACET_FIELDS}

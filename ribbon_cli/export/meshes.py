@@ -7,7 +7,7 @@ import io
 import numpy as np
 from numpy.typing import NDArray
 
-from ribbon_cli.export.mesh import FACET_FIELDS, NODE_FIELDS, node_values, surface
+from ribbon_cli.export.mesh import facet_fields, node_fields, strip
 from ribbon_cli.export.solid import Solid
 from ribbon_cli.store import StateRecord, content_sha256
 
@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 def obj_bytes(record: StateRecord, title: str) -> bytes:
     """The surface as a Wavefront OBJ file of flat quadrilaterals, in the unit of `length`."""
-    mesh = surface(record)
+    mesh = strip(record)
     out = io.StringIO()
     out.write(f"# {title}\n")
     for x, y, z in mesh.points.tolist():
@@ -28,23 +28,21 @@ def obj_bytes(record: StateRecord, title: str) -> bytes:
 
 def ply_bytes(record: StateRecord, title: str) -> bytes:
     """The surface as a binary PLY file: fields at nodes belong to vertices, those at facets to faces."""
-    mesh = surface(record)
-    vertex = np.zeros(len(mesh.points), dtype=[(name, "<f8") for name in ("x", "y", "z", *NODE_FIELDS)])
-    for k, name in enumerate("xyz"):
-        vertex[name] = mesh.points[:, k]
-    for name in NODE_FIELDS:
-        vertex[name] = np.repeat(node_values(record, name, mesh.strip), 2)
-    face = np.zeros(
-        len(mesh.quads),
-        dtype=[("count", "u1"), ("vertices", "<i4", (4,)), *((name, "<f8") for name in FACET_FIELDS)],
-    )
+    mesh = strip(record)
+    at_vertices = dict(zip("xyz", mesh.points.T, strict=True))
+    at_vertices |= {name: np.repeat(values, 2) for name, values in node_fields(record, mesh).items()}
+    at_faces = facet_fields(record)
+    corners = [("count", "u1"), ("vertices", "<i4", (4,))]
+    vertex = np.zeros(len(mesh.points), dtype=[(name, "<f8") for name in at_vertices])
+    face = np.zeros(len(mesh.quads), dtype=[*corners, *((name, "<f8") for name in at_faces)])
     face["count"], face["vertices"] = 4, mesh.quads
-    for name in FACET_FIELDS:
-        face[name] = getattr(record, name)
+    for rows, columns in ((vertex, at_vertices), (face, at_faces)):
+        for name, values in columns.items():
+            rows[name] = values
     header = ["ply", "format binary_little_endian 1.0", f"comment {title}", f"element vertex {len(vertex)}"]
-    header += [f"property double {name}" for name in ("x", "y", "z", *NODE_FIELDS)]
+    header += [f"property double {name}" for name in at_vertices]
     header += [f"element face {len(face)}", "property list uchar int vertex_indices"]
-    header += [f"property double {name}" for name in FACET_FIELDS]
+    header += [f"property double {name}" for name in at_faces]
     return "\n".join([*header, "end_header\n"]).encode() + vertex.tobytes() + face.tobytes()
 
 

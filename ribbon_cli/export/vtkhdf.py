@@ -13,7 +13,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from ribbon_cli.export.mesh import FACET_FIELDS, NODE_FIELDS, facet_normals, node_values, surface
+from ribbon_cli.export.mesh import facet_fields, facet_normals, node_fields, strip
 from ribbon_cli.store import StateRecord
 
 QUAD = 9
@@ -39,22 +39,15 @@ def vtkhdf_bytes(records: Sequence[StateRecord], title: str) -> bytes:
 
 def _step(record: StateRecord) -> dict[str, Any]:
     """One state's arrays: `points`, `quads`, `PointData`, `CellData`, `FieldData`."""
-    mesh = surface(record)
-    point_data = {name: np.repeat(node_values(record, name, mesh.strip), 2) for name in NODE_FIELDS}
-    point_data["across"] = np.tile([-1.0, 1.0], len(mesh.points) // 2)
-    cell_data = {name: getattr(record, name) for name in FACET_FIELDS}
-    cell_data |= {"normal": facet_normals(record), "facet": np.arange(1, record.segments + 1)}
-    field_data = {name: np.array([getattr(record, name)], dtype=np.float64) for name in SCALARS}
-    field_data |= {
-        name: np.array([int(getattr(record, name))]) for name in ("label", "certified", "self_contact")
-    }
-    return {
-        "points": mesh.points,
-        "quads": mesh.quads,
-        "PointData": point_data,
-        "CellData": cell_data,
-        "FieldData": field_data,
-    }
+    mesh = strip(record)
+    points = {name: np.repeat(values, 2) for name, values in node_fields(record, mesh).items()}
+    points["across"] = np.tile([-1.0, 1.0], len(mesh.low))
+    cells: dict[str, Any] = dict(facet_fields(record))
+    cells |= {"normal": facet_normals(record), "facet": np.arange(1, record.segments + 1)}
+    facts = {name: np.array([getattr(record, name)], dtype=np.float64) for name in SCALARS}
+    facts |= {name: np.array([int(getattr(record, name))]) for name in ("label", "certified", "self_contact")}
+    shape = {"points": mesh.points, "quads": mesh.quads}
+    return shape | {"PointData": points, "CellData": cells, "FieldData": facts}
 
 
 def _write(root: h5py.Group, steps: Sequence[dict[str, Any]], times: Sequence[float]) -> None:

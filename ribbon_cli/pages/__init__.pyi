@@ -1,2 +1,3 @@
+from . import columns as columns
 from . import html as html
 from . import run as run

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from ribbon_cli import digits
 from ribbon_cli.analysis import multiplier_curves, run_table
 from ribbon_cli.errors import UsageError
 from ribbon_cli.export.series import branch, courses, finest, latest
 from ribbon_cli.export.words import MEETS_ITSELF
+from ribbon_cli.pages.columns import OF_STATES, listing, number
 from ribbon_cli.pages.html import Cell, heading, page, paragraph, picture, preformatted, table
-from ribbon_cli.plot.figure import image, state_caption
+from ribbon_cli.plot.figure import image
 from ribbon_cli.plot.kinds import Source, draw
 from ribbon_cli.plot.style import Style
 from ribbon_cli.report.tables import RENDERERS
-from ribbon_cli.store import Run, StateRecord, Summary
+from ribbon_cli.store import Run, StateRecord
 
 SCREEN = Style("screen", 6.3, 8.0, 1.0, 0.35, 3.0, 130)
 """The look of `paper` with dots enough for a screen."""
@@ -25,7 +25,7 @@ def run_page(run: Run) -> bytes:
     shown = finest(run)
     records = [run.load(state.label) for state in shown]
     body = [heading(1, f"Run {run.short_name}"), *_summary(run, records)]
-    body += [heading(2, "Equilibria"), _states(latest(run.states()))]
+    body += [heading(2, "Equilibria"), listing(STATES, latest(run.states()))]
     body += [heading(2, "Shapes"), *_shapes(run, records)]
     body += [heading(2, "Fields and branch"), *_pictures(run)]
     body += [heading(2, "Convergence"), *_convergence(run)]
@@ -70,42 +70,16 @@ def _summary(run: Run, records: list[StateRecord]) -> list[str]:
     ]
 
 
-def _states(states: list[Summary]) -> str:
-    """The equilibria with their certificates."""
-    head = (
-        "b",
-        "N",
-        "label",
-        "E",
-        "status",
-        "certificate",
-        "contact",
-        "neg.",
-        "gradient",
-        "constraints",
-        "Lk",
-        "clearance",
-    )
-    rows: list[list[Cell]] = []
-    for state in states:
-        negative = state.negative_eigenvalues
-        rows.append(
-            [
-                (f"{state.half_width:.10g}", "n"),
-                (str(state.segments), "n"),
-                (str(state.label), "n"),
-                (_energy(state.energy), "n"),
-                state.status,
-                ("yes", "yes") if state.certified else ("no", "no"),
-                ("yes", "no") if state.self_contact else "no",
-                ("?" if negative is None else str(negative), "n"),
-                (_number(state.kkt_residual, ".1e"), "n"),
-                (_number(state.constraint_residual, ".1e"), "n"),
-                (_linking_number(state.linking_number), "n"),
-                (_number(state.clearance, ".3g"), "n"),
-            ]
-        )
-    return table(head, rows)
+STATES = {name: OF_STATES[name] for name in ("b", "N", "label", "E", "status")} | {
+    "certificate": lambda state: ("yes", "yes") if state.certified else ("no", "no"),
+    "contact": lambda state: ("yes", "no") if state.self_contact else "no",
+    "neg.": lambda state: ("?" if (k := state.negative_eigenvalues) is None else str(k), "n"),
+    "gradient": lambda state: number(state.kkt_residual, ".1e"),
+    "constraints": lambda state: number(state.constraint_residual, ".1e"),
+    "Lk": lambda state: number(None if (lk := state.linking_number) is None else round(lk, 6), "g"),
+    "clearance": lambda state: number(state.clearance, ".3g"),
+}
+"""Columns of the table of equilibria, with their certificates."""
 
 
 def _shapes(run: Run, records: list[StateRecord]) -> list[str]:
@@ -144,25 +118,27 @@ def _convergence(run: Run) -> list[str]:
 def _picture(run: Run, kind: str, states: tuple[StateRecord, ...]) -> str:
     """A picture with its caption. Raises UsageError where the data lack for it."""
     drawn = draw(kind, Source(run, states, run_table, multiplier_curves), SCREEN)
-    caption = f"{drawn.title}. {state_caption(drawn.states, run.name) if drawn.states else run.name}."
-    return picture(image(drawn.figure, "png", SCREEN, drawn.title, caption), caption)
+    return picture(image(drawn.figure, "png", SCREEN, drawn.title, drawn.words), drawn.words)
+
+
+STAGES = {
+    "label": OF_STATES["label"],
+    "kind": lambda record: record.kind,
+    "stage": lambda record: record.stage,
+    "from": lambda record: record.parent_ref or ("" if record.parent is None else str(record.parent)),
+    "method": lambda record: record.method,
+    "steps": lambda record: (str(record.newton_steps), "n"),
+    "E": OF_STATES["E"],
+    "status": OF_STATES["status"],
+}
+"""Columns of the table of every stored state: its stage, and where it came from."""
 
 
 def _stages(run: Run) -> list[str]:
-    """Every stored state: its stage, and where it came from; and what went on at it."""
-    head = ("label", "kind", "stage", "from", "method", "steps", "E", "status")
-    rows: list[list[Cell]] = []
-    events: list[str] = []
-    for label in run.entries():
-        record = run.load(label)
-        parent = record.parent_ref or ("" if record.parent is None else str(record.parent))
-        energy = (_energy(record.energy), "n")
-        steps = (str(record.newton_steps), "n")
-        number = (str(label), "n")
-        rows.append([number, record.kind, record.stage, parent, record.method, steps, energy, record.status])
-        events += [f"{label}: {event}" for event in record.events]
-    out = [table(head, rows)]
-    if events:
+    """Every stored state, and what went on at it."""
+    records = [run.load(label) for label in run.entries()]
+    out = [listing(STAGES, records)]
+    if events := [f"{record.label}: {event}" for record in records for event in record.events]:
         out += [heading(3, "Events, by label"), preformatted("\n".join(events))]
     return out
 
@@ -177,18 +153,3 @@ def _provenance(records: list[StateRecord]) -> str:
     seconds = sum(float(record.provenance.get("cpu_seconds", 0.0)) for record in records)
     rows.append(["cpu_seconds of the states shown", f"{seconds:.2f}"])
     return table(("", ""), rows)
-
-
-def _linking_number(value: float | None) -> str:
-    """Lk, rounding errors of zero being zero."""
-    return _number(None if value is None else round(value, 6) + 0.0, "g")
-
-
-def _energy(value: float | None) -> str:
-    """An energy as text, a dash where it is unknown."""
-    return "–" if value is None else digits.energy(value)
-
-
-def _number(value: float | None, spec: str) -> str:
-    """A number as text, a dash where it is unknown."""
-    return "–" if value is None else format(value, spec)

@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 
 from ribbon_cli.plot.canvas import Figure
 from ribbon_cli.plot.labels import legend_above, plain
-from ribbon_cli.plot.panels import panels
+from ribbon_cli.plot.panels import branch_panels, energies, panels, wide_scale
 from ribbon_cli.plot.style import INK, LIGHT_GREY, PALETTE, Style, branch_look, spread
 from ribbon_cli.store import Summary
 
@@ -49,11 +49,9 @@ def arclength_figure(
     figure, places = panels(style, 3, 3, ROW_SHARE)
     used: set[int | None] = set()
     for k, points in enumerate(courses.values()):
-        b = np.array([p.half_width for p in points])
-        energy = np.array([p.energy for p in points], dtype=float)
+        b, energy, clearance = energies(points)
         ring = 2 * np.pi**2 * b / points[0].length
         lowest = np.array([_eigenvalue(p, starts) for p in points])
-        clearance = np.array([p.clearance for p in points], dtype=float)
         look = branch_look(k) if len(courses) > 1 else {"color": PALETTE[0]}
         for axes, values in zip(places, (energy / ring, lowest, clearance), strict=True):
             used |= draw_course(axes, points, b, values, look["color"], style)
@@ -61,15 +59,12 @@ def arclength_figure(
                 first, step = spread(k, len(points))
                 axes.plot(b[first::step], values[first::step], linestyle="", zorder=3, **look)
             mark_points(axes, points, b, values, look["color"], style)
-    for axes, title in zip(places, TITLES, strict=True):
-        axes.set_title(title, loc="left")
-        axes.set_xlabel("$b$")
-        axes.margins(0.06)
+    branch_panels(places, TITLES)
     _tame(places[1])
     places[1].axhline(0.0, color=LIGHT_GREY, linewidth=0.6, zorder=0)
     places[2].set_ylim(bottom=0.0)
     handles = _names(courses, style) + meanings(used, [p for points in courses.values() for p in points])
-    legend_above(figure, handles, [str(handle.get_label()) for handle in handles], rows=0)
+    legend_above(figure, handles, rows=0)
     return figure
 
 
@@ -80,11 +75,7 @@ def _tame(axes: Axes) -> None:
     if not values.size or values.max() <= DWARFED * np.median(values):
         return
     low, high = math.floor(math.log10(np.median(values))), math.floor(math.log10(values.max()))
-    axes.set_yscale("asinh", linear_width=0.5 * 10.0**low)
-    bottom, top = axes.get_ylim()
-    powers = [10.0**k for k in range(low, high + 1)]
-    axes.set_yticks([t for t in (*(-p for p in powers), 0.0, *powers) if bottom <= t <= top])
-    axes.minorticks_off()
+    wide_scale(axes, low, high)
 
 
 def _eigenvalue(point: Summary, starts: Mapping[int, float | None]) -> float:

@@ -17,7 +17,7 @@ from ribbon_cli.export.fields import even_window, field, placed
 from ribbon_cli.export.mesh import check_shape
 from ribbon_cli.plot.canvas import Figure
 from ribbon_cli.plot.labels import curve_labels, legend_above
-from ribbon_cli.plot.panels import panels
+from ribbon_cli.plot.panels import panels, wide_scale
 from ribbon_cli.plot.style import INK, LIGHT_GREY, Style, line_look, shade
 from ribbon_cli.store import StateRecord
 
@@ -164,11 +164,7 @@ def _tame(axes: Axes) -> None:
     sizes = [float(np.abs(line.get_ydata()).max()) for line in axes.get_lines()[1:]]
     if len(sizes) > 1 and max(sizes) > DWARFED * min(sizes) > 0:
         low, high = math.ceil(math.log10(min(sizes))), math.ceil(math.log10(max(sizes)))
-        axes.set_yscale("asinh", linear_width=0.5 * 10.0**low)
-        bottom, top = axes.get_ylim()
-        powers = [10.0**k for k in range(low, high + 1)]
-        axes.set_yticks([t for t in (*(-p for p in powers), 0.0, *powers) if bottom <= t <= top])
-        axes.minorticks_off()
+        wide_scale(axes, low, high)
 
 
 def _forces(axes: Axes, records: Sequence[StateRecord]) -> None:
@@ -189,6 +185,6 @@ def _forces(axes: Axes, records: Sequence[StateRecord]) -> None:
 
 def _legend(figure: Figure, axes: Axes) -> None:
     """Above the panels which curve is which state, where there are several."""
-    handles, labels = axes.get_legend_handles_labels()
-    if len(labels) > 1:
-        legend_above(figure, handles, labels)
+    handles, _ = axes.get_legend_handles_labels()
+    if len(handles) > 1:
+        legend_above(figure, handles)

@@ -31,7 +31,7 @@ def pattern_figure(record: StateRecord, style: Style) -> Figure:
     figure = Figure(figsize=(style.across(), height + LETTERS * style.font / 72), layout="constrained")
     axes = figure.subplots()
     draw_pattern(axes, pattern, style)
-    legend_above(figure, *axes.get_legend_handles_labels(), rows=0)
+    legend_above(figure, axes.get_legend_handles_labels()[0], rows=0)
     return figure
 
 

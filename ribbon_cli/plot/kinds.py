@@ -12,7 +12,7 @@ from ribbon_cli.export.series import branch, courses, finest, latest, left_out, 
 from ribbon_cli.plot.branches import arclength_figure
 from ribbon_cli.plot.canvas import Figure
 from ribbon_cli.plot.curves import Curve, geometry_figure, multipliers_figure
-from ribbon_cli.plot.figure import state_caption
+from ribbon_cli.plot.figure import dressed, state_caption
 from ribbon_cli.plot.flat import pattern_figure
 from ribbon_cli.plot.labels import band_text, listed, panel_titles, run_texts, width_texts
 from ribbon_cli.plot.levels import (
@@ -67,21 +67,33 @@ class Source:
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure with its title, the states that it shows, the mode if it shows one, and what it shows in words
-    where that are no states.
+    """A figure with its title, the states that it shows, the mode if it shows one, and a caption, which says
+    what it shows.
     """
 
     figure: Figure
     title: str
     states: tuple[StateRecord, ...]
     mode: ModeShape | None = None
-    words: str = ""
+    caption: str = ""
+
+    @property
+    def words(self) -> str:
+        """Title and caption, as they stand below the picture."""
+        return f"{self.title}. {self.caption}."
+
+    def dressed(self, style: Style, caption: bool = True, title: str | None = None) -> Figure:
+        """The figure in full dress; it is drawn upon, so ask for it once."""
+        return dressed(self.figure, style, self.words if caption else None, title)
 
 
 def draw(kind: str, source: Source, style: Style) -> Picture:
     """Draw a kind of picture. Raises UsageError, which says what to run, where the data lack for it."""
     with styled(style):
-        return KINDS[kind](source, style)
+        picture = KINDS[kind](source, style)
+    run = source.run.name if source.run else None
+    shown = state_caption(picture.states, run, source.names) if picture.states else str(run)
+    return replace(picture, caption=picture.caption or shown)
 
 
 def animate(
@@ -154,7 +166,6 @@ def _without(found: Sequence[float], chosen: Sequence[float]) -> str:
 
 
 def _shape(source: Source, style: Style) -> Picture:
-
     states = source.states
     if len(states) < 2:
         record = _one(source, "shape")
@@ -165,14 +176,12 @@ def _shape(source: Source, style: Style) -> Picture:
 
 
 def _geometry(source: Source, style: Style) -> Picture:
-
     states, note = _several(source, "geometry")
     figure = geometry_figure(states, style, source.run_names)
     return Picture(figure, f"Signed curvature, torsion, eta and eta'{note}", states)
 
 
 def _multipliers(source: Source, style: Style) -> Picture:
-
     states, note = _several(source, "multipliers")
     for record in states:
         if not math.isfinite(record.gamma.sum()):
@@ -195,7 +204,6 @@ def _curves(source: Source, record: StateRecord) -> Sequence[Curve] | None:
 
 
 def _spectrum(source: Source, style: Style) -> Picture:
-
     title = "Eigenvalues of the projected Hessian"
     if not source.whole_run:
         states, _ = _several(source, "spectrum")
@@ -224,7 +232,6 @@ def _refined(run: Run) -> tuple[StateRecord, ...]:
 
 
 def _convergence(source: Source, style: Style) -> Picture:
-
     table = source.table(_run(source, "convergence"))
     found = list(differences(table))
     chosen = _thinned(found, MOST_LOOKS)
@@ -234,7 +241,6 @@ def _convergence(source: Source, style: Style) -> Picture:
 
 
 def _branch(source: Source, style: Style) -> Picture:
-
     run = _run(source, "branch")
     if source.beside:
         return _runs(source, style)
@@ -297,18 +303,16 @@ def _runs(source: Source, style: Style) -> Picture:
     bands = [band_text(run.load(c[0][0].label).half_twists) for run, c in zip(runs, shown, strict=True)]
     figure = runs_figure(run_texts(runs), bands, shown, style)
     title = f"Energies of {len(runs)} runs over the half-width"
-    return Picture(figure, title, (), words="; ".join(words))
+    return Picture(figure, title, (), caption="; ".join(words))
 
 
 def _family(source: Source, style: Style) -> Picture:
-
     run = _run(source, "family")
     records, note = _spread_out(run, source.segments, MOST_SHAPES)
     return Picture(family_figure(records, style, source.angles), f"Shapes at several widths{note}", records)
 
 
 def _mode(source: Source, style: Style) -> Picture:
-
     record = _one(source, "mode")
     assert source.mode is not None
     mode = source.mode(record)
@@ -316,7 +320,6 @@ def _mode(source: Source, style: Style) -> Picture:
 
 
 def _pattern(source: Source, style: Style) -> Picture:
-
     record = _one(source, "pattern")
     return Picture(pattern_figure(record, style), "Fold pattern", (record,))
 

@@ -6,9 +6,9 @@ import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from textwrap import wrap
-from typing import Any
 
 import matplotlib
+from matplotlib.artist import Artist
 
 from ribbon_cli.export.words import standing
 from ribbon_cli.plot.canvas import Figure
@@ -137,25 +137,15 @@ def _length(text: str) -> int:
     return len(text.replace("$", ""))
 
 
-def legend_columns(labels: Sequence[str], figure: Figure) -> int:
-    """How many entries of a legend fit side by side above the panels of a figure."""
-    letters = max(_length(line) for label in labels for line in label.split("\n"))
-    entry = (LEGEND_LETTER * letters + LEGEND_ROOM) * _legend_size() / 72
-    return max(1, min(len(labels), int(figure.get_figwidth() / entry)))
-
-
-def legend_above(figure: Figure, handles: Sequence[Any], labels: Sequence[str], rows: int = 1) -> None:
+def legend_above(figure: Figure, handles: Sequence[Artist], rows: int = 1) -> None:
     """A legend above all panels; the figure grows by its lines beyond so many, which it has room for."""
-    size = _legend_size()
+    size = 0.9 * float(matplotlib.rcParams["font.size"])
     letters = int((figure.get_figwidth() * 72 / size - LEGEND_ROOM) / LEGEND_LETTER)
-    labels = [_lines(label.split(", "), letters) for label in labels]
-    columns = legend_columns(labels, figure)
+    labels = [_lines(str(handle.get_label()).split(", "), letters) for handle in handles]
+    longest = max(_length(line) for label in labels for line in label.split("\n"))
+    entry = (LEGEND_LETTER * longest + LEGEND_ROOM) * size / 72
+    columns = max(1, min(len(labels), int(figure.get_figwidth() / entry)))
     figure.legend(handles, labels, loc="outside upper center", ncols=columns, handlelength=2.6)
     high = [max(label.count("\n") + 1 for label in labels[k::columns]) for k in range(columns)]
     lines = math.ceil(len(labels) / columns) * max(high) - rows
     figure.set_figheight(figure.get_figheight() + max(0, lines) * LEGEND_LINE * size / 72)
-
-
-def _legend_size() -> float:
-    """Size of a legend's letters in points."""
-    return 0.9 * float(matplotlib.rcParams["font.size"])

@@ -13,7 +13,7 @@ from ribbon_cli.digits import powers, significant
 from ribbon_cli.errors import UsageError
 from ribbon_cli.plot.canvas import Figure
 from ribbon_cli.plot.labels import LEGEND_LINE, band_text, curve_labels, legend_above, width_texts
-from ribbon_cli.plot.panels import panels
+from ribbon_cli.plot.panels import branch_panels, energies, panels
 from ribbon_cli.plot.style import GREY, LIGHT_GREY, PALETTE, Style, line_look, marked_look
 from ribbon_cli.report.convergence import Row, Table
 from ribbon_cli.store import SpectrumRecord, StateRecord, Summary
@@ -81,7 +81,7 @@ def spectrum_figure(
         places.append(row)
     entries = [_entries(row) for row in places]
     if all(found.keys() == entries[0].keys() for found in entries):
-        legend_above(figure, list(entries[0].values()), list(entries[0]))
+        legend_above(figure, list(entries[0].values()))
     else:  # one line may stand for different meshes in different rows
         for row, found in zip(places, entries, strict=True):
             row[0].legend(found.values(), found.keys(), loc="best", handlelength=2.6)
@@ -205,7 +205,7 @@ def convergence_figure(table: Table, style: Style) -> Figure:
     if beside:
         axes.legend(handles, labels, loc="center left", bbox_to_anchor=(1.02, 0.5), handlelength=2.6)
     else:
-        legend_above(figure, handles, labels, rows=0)
+        legend_above(figure, handles, rows=0)
     return figure
 
 
@@ -270,29 +270,24 @@ def branch_figure(
     drawn at `contact`, the half-width at which that was found to begin.
     """
     figure, places = panels(style, 3, 3, 0.4)
-    b = np.array([state.half_width for state in states])
-    length = states[0].length
-    ring = 2 * np.pi**2 * b / length
-    energy = np.array([state.energy for state in states], dtype=float)
-    clearance = np.array([state.clearance for state in states], dtype=float)
+    b, energy, clearance = energies(states)
+    ring = 2 * np.pi**2 * b / states[0].length
     eigenvalues = np.array([np.nan if v is None else v for v in lowest])
     titles = ("$E / E_{ring}$", "lowest eigenvalue but sliding", "clearance")
-    for axes, values, title in zip(places, (energy / ring, eigenvalues, clearance), titles, strict=True):
+    branch_panels(places, titles)
+    for axes, values in zip(places, (energy / ring, eigenvalues, clearance), strict=True):
         axes.plot(b, values, color=PALETTE[0], zorder=1)
         _mark(axes, states, b, values, style)
         if contact is not None:
             label = f"first contact, $b$ = {powers(significant(contact, 5))}"
             axes.axvline(contact, color=PALETTE[1], linestyle=(0, (1.2, 1.6)), zorder=0, label=label)
-        axes.set_title(title, loc="left")
-        axes.set_xlabel("$b$")
-        axes.margins(0.06)
         if np.isnan(values).all():
             axes.text(0.5, 0.5, "not stored", transform=axes.transAxes, ha="center", color=GREY)
             axes.set_yticks([])
-    for axes, values in zip(places, (energy, eigenvalues, clearance), strict=True):
-        if np.nanmin(values, initial=np.inf) > 0 and axes is not places[0]:
+    for axes, values in zip(places[1:], (eigenvalues, clearance), strict=True):
+        if np.nanmin(values, initial=np.inf) > 0:
             axes.set_ylim(bottom=0.0)
-    legend_above(figure, *places[0].get_legend_handles_labels())
+    legend_above(figure, places[0].get_legend_handles_labels()[0])
     return figure
 
 

@@ -1,11 +1,18 @@
-"""Panels in rows, as many side by side as have room."""
+"""Panels in rows, as many side by side as have room, and what several kinds of picture do with theirs."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+import numpy as np
 from matplotlib.axes import Axes
+from numpy.typing import NDArray
 
 from ribbon_cli.plot.canvas import Figure
 from ribbon_cli.plot.style import PANEL, Style
+from ribbon_cli.store import Summary
+
+Array = NDArray[np.float64]
 
 
 def panels(
@@ -21,3 +28,27 @@ def panels(
     rows = count // columns
     figure = Figure(figsize=(style.across(), rows * style.row(share)), layout="constrained")
     return figure, list(figure.subplots(rows, columns, squeeze=False).ravel())
+
+
+def branch_panels(axes: Sequence[Axes], titles: Sequence[str]) -> None:
+    """Panels over the half-width, with their titles."""
+    for place, title in zip(axes, titles, strict=True):
+        place.set_title(title, loc="left")
+        place.set_xlabel("$b$")
+        place.margins(0.06)
+
+
+def energies(states: Sequence[Summary]) -> tuple[Array, Array, Array]:
+    """Half-widths, energies and clearances (n,) of states."""
+    b = np.array([state.half_width for state in states])
+    energy = np.array([state.energy for state in states], dtype=float)
+    return b, energy, np.array([state.clearance for state in states], dtype=float)
+
+
+def wide_scale(axes: Axes, low: int, high: int) -> None:
+    """A smooth scale, linear below 10^`low` and logarithmic beyond, with ticks at the powers up to `high`."""
+    axes.set_yscale("asinh", linear_width=0.5 * 10.0**low)
+    bottom, top = axes.get_ylim()
+    powers = [10.0**k for k in range(low, high + 1)]
+    axes.set_yticks([t for t in (*(-p for p in powers), 0.0, *powers) if bottom <= t <= top])
+    axes.minorticks_off()

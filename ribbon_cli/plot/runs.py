@@ -12,6 +12,7 @@ from matplotlib.lines import Line2D
 from ribbon_cli.plot.branches import draw_course, mark_points, meanings
 from ribbon_cli.plot.canvas import Figure
 from ribbon_cli.plot.labels import legend_above
+from ribbon_cli.plot.panels import energies
 from ribbon_cli.plot.style import BRANCH_MARKERS, INK, Style, branch_look, spread
 from ribbon_cli.store import Summary
 
@@ -53,14 +54,13 @@ def runs_figure(
         handles.append(Line2D([], [], marker="o", markerfacecolor="white", label=OPEN, **grey))
     if any(_touches(point) for point in every):
         handles.append(Line2D([], [], marker="x", label=CONTACT, **grey))
-    legend_above(figure, handles, [str(handle.get_label()) for handle in handles], rows=0)
+    legend_above(figure, handles, rows=0)
     return figure
 
 
 def _draw(axes: Axes, points: Course, k: int, style: Style) -> set[int | None]:
     """One branch of the run with this index; the indices that it has."""
-    b = np.array([point.half_width for point in points])
-    energy = np.array([point.energy for point in points], dtype=float)
+    b, energy, _ = energies(points)
     look = branch_look(k)
     used = draw_course(axes, points, b, energy, look["color"], style)
     first, step = spread(k, len(points)) if len(points) > FEW_STATES else (0, 1)

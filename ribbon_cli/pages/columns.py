@@ -1,0 +1,42 @@
+"""Columns of tables of states on pages and in notebooks: each says what stands in its cell."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+from ribbon_cli import digits
+from ribbon_cli.export.words import MEETS_ITSELF
+from ribbon_cli.pages.html import Cell, table
+
+Column = Callable[[Any], Cell]
+
+
+def number(value: float | None, spec: str) -> Cell:
+    """A number, a dash where it is unknown; rounding errors of zero are zero."""
+    return "–" if value is None else format(value + 0.0, spec), "n"
+
+
+def energy(value: float | None) -> Cell:
+    """An energy, a dash where it is unknown."""
+    return "–" if value is None else digits.energy(value), "n"
+
+
+def contact(state: Any) -> Cell:
+    """Whether the band meets itself."""
+    return (MEETS_ITSELF, "no") if state.self_contact else "none"
+
+
+OF_STATES: Mapping[str, Column] = {
+    "label": lambda state: (str(state.label), "n"),
+    "b": lambda state: (f"{state.half_width:.10g}", "n"),
+    "N": lambda state: (str(state.segments), "n"),
+    "E": lambda state: energy(state.energy),
+    "status": lambda state: state.status,
+}
+"""Columns of summaries; those of the points of branches as well, but for N."""
+
+
+def listing(columns: Mapping[str, Column], items: Iterable[Any]) -> str:
+    """A table with a row for each item."""
+    return table(tuple(columns), ([cell(item) for cell in columns.values()] for item in items))
