@@ -53,6 +53,7 @@ def scripted(folder, monkeypatch):
             exit_code = 3 if failures else 0
 
         Scripted.failures = failures
+        Scripted.causes = tuple(tuple(line.split(": ", 1)) for line in failures)
 
         def solver(*args: Any, **options: Any) -> Outcome:
             calls.append((args, options))

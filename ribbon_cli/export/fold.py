@@ -74,7 +74,9 @@ def _coordinates(record: StateRecord) -> tuple[Array, Array]:
     """
     b = record.half_width
     x = np.arange(record.segments + 1) * record.length / record.segments
-    lean = b * np.append(record.eta, record.u[-1] @ record.g_end)
+    # Where a strip begins there is no fold, and no eta of one: the ruling leans as on the facet behind it.
+    eta = np.where(np.isnan(record.eta), np.einsum("ij,ij->i", record.u, record.g), record.eta)
+    lean = b * np.append(eta, record.u[-1] @ record.g_end)
     side = np.full_like(x, b)
     flat = np.stack((np.column_stack((x - lean, -side)), np.column_stack((x + lean, side))), axis=1)
     across = b * np.vstack((record.g, record.g_end))
