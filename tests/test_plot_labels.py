@@ -171,11 +171,11 @@ def test_the_contact_drawn_is_that_of_the_mesh_drawn(solved, monkeypatch):  # no
         stage="contact between b = 0.1 and b = 0.2",
     )
     located = [
-        replace(met, segments=n, half_width=b, events=(event,))
-        for n, b, event in (
-            (24, 0.15, "first contact: facets 3 and 9 meet"),
-            (24, 0.18, "contact ends: facets 3 and 9 meet"),
-            (48, 0.16, "first contact: facets 5 and 18 meet"),
+        replace(met, segments=n, half_width=b, events=(event,), event_kinds=(kind,))
+        for n, b, kind, event in (
+            (24, 0.15, "first-contact", "first contact: facets 3 and 9 meet"),
+            (24, 0.18, "contact-ends", "contact ends: facets 3 and 9 meet"),
+            (48, 0.16, "first-contact", "first contact: facets 5 and 18 meet"),
         )
     ]
     monkeypatch.setattr(type(run), "states", lambda self, all=False: [*found[all], *located * all])

@@ -17,7 +17,7 @@ from cli_support import COMMAND, environment, ribbon, ribbon_json
 from store_support import make_record, make_run, read_log
 
 from ribbon_cli.errors import StoreError
-from ribbon_cli.store import Run, export_npz, list_runs, write_atomic
+from ribbon_cli.store import Run, Summary, export_npz, list_runs, write_atomic
 from ribbon_cli.store.atomic import temporary_name
 from ribbon_cli.store.lock import RunLock, _file_lock
 from ribbon_cli.store.log import format_line
@@ -111,7 +111,7 @@ def test_repair_makes_one_first_line(folder, order):
     assert ribbon("verify", NAME).exit_code == 0
     assert read_log(run.log_path)[0] == entries[0]
     states = [entry["state"] for entry in entries if "state" in entry]
-    assert [state.to_dict() for state in Run.open(run.path).states(all=True)] == states
+    assert Run.open(run.path).states(all=True) == [Summary.read(state) for state in states]
 
 
 def test_a_second_line_on_a_state_is_noticed_and_dropped(folder):
