@@ -76,7 +76,7 @@ def kills(alone, folder, monkeypatch, count: int, seed: int) -> int:
 
 
 def test_some_kills(alone, tmp_path, monkeypatch):
-    assert kills(alone, tmp_path, monkeypatch, 2, seed=1) >= 1
+    assert kills(alone, tmp_path, monkeypatch, 4, seed=1) >= 1
 
 
 @pytest.mark.faults
