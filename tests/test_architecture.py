@@ -22,6 +22,7 @@ RANKS = {
     "errors": 0,
     "digits": 0,
     "facts": 0,
+    "parts": 0,
     "doors": 0,
     "expression": 0,
     "text": 0,

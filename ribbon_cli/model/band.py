@@ -13,6 +13,8 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from ..parts import CLOSED, HALF_WIDTH, Parts
+
 Array = NDArray[np.float64]
 
 
@@ -39,6 +41,7 @@ class Band:
     length: float = 2.0 * math.pi
     sigma: int = 1
     discretisation: Discretisation = Discretisation.THESIS
+    parts: Parts = CLOSED
 
     def __post_init__(self) -> None:
         if self.segments < 3:
@@ -47,13 +50,35 @@ class Band:
             raise ValueError(f"half-width must be positive and finite, got {self.half_width}")
         if not (math.isfinite(self.length) and self.length > 0):
             raise ValueError(f"length must be positive and finite, got {self.length}")
-        if self.sigma not in (1, -1):
-            raise ValueError(f"sigma must be +1 or -1, got {self.sigma}")
+        if self.sigma not in ((1, -1) if self.closed else (0,)):
+            raise ValueError(
+                f"sigma must be +1 or -1 on a closed band, 0 on a strip with ends, got {self.sigma}"
+            )
 
     @property
     def h(self) -> float:
         """Length of a facet's midline, l/N."""
         return self.length / self.segments
+
+    @property
+    def closed(self) -> bool:
+        """Whether the strip is joined to itself."""
+        return self.parts.ends is None
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Every parameter that the problem has, by name, with its value."""
+        return {name: self.parameter(name) for name in self.parts.names(self.sigma)}
+
+    def parameter(self, name: str) -> float:
+        """The value of a parameter. Raises KeyError for one that the problem does not have."""
+        return self.half_width if name == HALF_WIDTH else self.parts.value(name)
+
+    def with_parameter(self, name: str, value: float) -> Band:
+        """Return the band with a parameter at another value."""
+        if name == HALF_WIDTH:
+            return self.with_half_width(value)
+        return replace(self, parts=self.parts.with_value(name, value))
 
     def with_half_width(self, half_width: float) -> Band:
         """Return the band with another half-width."""
