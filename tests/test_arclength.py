@@ -14,7 +14,7 @@ from scipy.optimize import brentq, minimize_scalar
 from ribbon_cli.model.band import Band, Discretisation, State
 from ribbon_cli.model.diagnostics import taylor_slopes
 from ribbon_cli.model.problem import Problem
-from ribbon_cli.model.width import constraints_by_width, gradient_by_width
+from ribbon_cli.model.rates import rates
 from ribbon_cli.solver.arclength import (
     CorrectorError,
     Point,
@@ -34,7 +34,6 @@ from ribbon_cli.solver.branch_switch import switch
 from ribbon_cli.solver.dense import DenseModel
 from ribbon_cli.solver.newton import estimate_multipliers, solve
 from ribbon_cli.solver.prolongation import smooth
-from ribbon_cli.solver.saddle_free import lagrangian_gradient
 from ribbon_cli.solver.status import Status
 
 
@@ -107,7 +106,7 @@ def test_width_derivative_of_the_residual(rule: Discretisation, sigma: int, pres
     def value(log: Array) -> float:
         p = problem(0.4 * math.exp(float(log[0])))
         local = p.local_derivatives(x, y)
-        return float(probe[:77] @ lagrangian_gradient(p, local, y) + probe[77:] @ local.constraints)
+        return float(probe[:77] @ p.lagrangian_gradient(local, y) + probe[77:] @ local.constraints)
 
     p = problem(0.4)
     gradient = gradient_by_width(p, x, y, p.local_derivatives(x, y).gradient)
@@ -259,7 +258,7 @@ def dense_width(point: Point, coordinate: int, value: float) -> float:
         here = point_at(Problem(point.problem.band.with_half_width(b)), x, y)
         unit = np.zeros(x.size)
         unit[coordinate] = 1.0
-        gradient = lagrangian_gradient(here.problem, here.local, y)
+        gradient = here.problem.lagrangian_gradient(here.local, y)
         residual = (-gradient, -here.local.constraints, float(value - x[coordinate]))
         step, wider = dense_solution(here, unit, 0.0, *residual)
         x, y, b = x + step[: x.size], y + step[x.size :], b + wider

@@ -11,7 +11,7 @@ from numeric_support import E3, Array, load, unit, with_rule
 from ribbon_cli.config import parse_config
 from ribbon_cli.model.band import Band, Discretisation, State
 from ribbon_cli.model.problem import FREE, Prescription, Problem
-from ribbon_cli.model.width import constraints_by_width, energy_by_width, gradient_by_width
+from ribbon_cli.model.rates import rates
 from ribbon_cli.solver.continuation import to_width
 from ribbon_cli.solver.newton import Options, solve
 from ribbon_cli.solver.status import Status

@@ -28,7 +28,6 @@ from ..solver.inertia import inertia
 from ..solver.kkt import FactorisationError, KKTMatrix
 from ..solver.linear import Factor
 from ..solver.newton import Options
-from ..solver.saddle_free import lagrangian_gradient
 from ..solver.status import STATIONARY, Result, Status
 from ..store import Run, StateRecord, find_run, list_runs, names_state, resolve_state
 from ..store.verification import Checked, Finding, check_file, check_folder, check_states
@@ -195,7 +194,7 @@ def problem_of(record: StateRecord) -> Problem:
 
 def residuals(problem: Problem, local: LocalDerivatives, multipliers: Array) -> dict[str, float]:
     """Both residuals of a point, by their names in a record."""
-    gradient = lagrangian_gradient(problem, local, multipliers)
+    gradient = problem.lagrangian_gradient(local, multipliers)
     return {
         "kkt_residual": float(np.abs(gradient).max()),
         "constraint_residual": float(np.abs(local.constraints / problem.weights).max()),
