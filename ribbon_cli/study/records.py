@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,7 +78,7 @@ def build_record(label: int, reached: Reached, clock: Clock, spectrum: SpectrumR
     spectra, remarks = _spectra(problem, result, spectrum)
     events = (*reached.events, *remarks)
     return StateRecord(
-        **derive(reached),
+        **vars(derive(reached)),
         label=label,
         kind=reached.kind,
         status=result.status.value,
@@ -123,7 +122,29 @@ def _sentence(result: Result, kind: str) -> str:
     return result.message
 
 
-def derive(reached: Reached) -> dict[str, Any]:
+@dataclass(frozen=True, eq=False)
+class Derived:
+    """Fields of a record that follow from u, g, xi and the multipliers, by their names in a `StateRecord`."""
+
+    energy: float
+    kkt_residual: float
+    constraint_residual: float
+    smallest_facet: float
+    inverted_facets: int
+    linking_number: float
+    twist: float
+    writhe: float
+    self_contact: bool
+    clearance: float
+    g_end: Array
+    midline: Array
+    kappa_s: Array
+    tau: Array
+    eta: Array
+    eta_prime: Array
+
+
+def derive(reached: Reached) -> Derived:
     """Fields of a record that follow from u, g, xi and the multipliers: what `ribbon verify` computes again.
 
     Raises ValueError where they are not defined, as for values that are not finite.
@@ -135,24 +156,24 @@ def derive(reached: Reached) -> dict[str, Any]:
     turn = _topology(problem, state)
     contact = self_contact(state.u, state.g, end, band.half_width, band.h)
     facets = inverted_facets(problem, result.x)
-    return {
-        "energy": result.energy,
-        "kkt_residual": result.kkt_residual,
-        "constraint_residual": result.constraint_residual,
-        "smallest_facet": float(facets.min()),
-        "inverted_facets": int((facets <= 0).sum()),
-        "linking_number": turn[0],
-        "twist": turn[1],
-        "writhe": turn[2],
-        "self_contact": contact.contact,
-        "clearance": contact.clearance,
-        "g_end": end,
-        "midline": shape.midline,
-        "kappa_s": shape.kappa_s,
-        "tau": shape.tau,
-        "eta": shape.eta,
-        "eta_prime": shape.eta_prime,
-    }
+    return Derived(
+        energy=result.energy,
+        kkt_residual=result.kkt_residual,
+        constraint_residual=result.constraint_residual,
+        smallest_facet=float(facets.min()),
+        inverted_facets=int((facets <= 0).sum()),
+        linking_number=turn[0],
+        twist=turn[1],
+        writhe=turn[2],
+        self_contact=contact.contact,
+        clearance=contact.clearance,
+        g_end=end,
+        midline=shape.midline,
+        kappa_s=shape.kappa_s,
+        tau=shape.tau,
+        eta=shape.eta,
+        eta_prime=shape.eta_prime,
+    )
 
 
 def _prescribed(problem: Problem) -> NDArray[np.bool_] | None:
