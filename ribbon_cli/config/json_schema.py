@@ -11,10 +11,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from ribbon_cli.config.keys import Either, Flag, Integer, Items, Key, Number, Section, Takes, Text, Word
 from ribbon_cli.config.reader import NUMBER
 from ribbon_cli.config.table import CONFIG
 from ribbon_cli.expression import MAX_CHARACTERS, PATTERN
+from ribbon_cli.keys import Either, Flag, Integer, Items, Key, Number, Section, Takes, Text, Word
 
 SCHEMA_FILE = "ribbon.schema.json"
 """What templates call the schema's file, which lies beside the config."""

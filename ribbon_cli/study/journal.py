@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -170,11 +170,11 @@ class Journal:
         saddles: Sequence[SaddleMet],
         clock: Clock,
         spectrum: SpectrumRequest | None,
-        changes: Mapping[str, Any] | None = None,
+        changes: object = None,
     ) -> Summary:
         """Commit the saddles that were met in a stage, then the state that ends it.
 
-        `changes` are fields of its record that do not follow from the solve.
+        `changes` is a dataclass with fields of its record that do not follow from the solve.
         """
         self.store_saddles(reached, saddles, clock)
         state = self._commit(reached, clock, spectrum, changes)
@@ -198,11 +198,14 @@ class Journal:
         reached: Reached,
         clock: Clock,
         spectrum: SpectrumRequest | None,
-        changes: Mapping[str, Any] | None = None,
+        changes: object = None,
     ) -> Summary:
         from .records import build_record
 
-        record = replace(build_record(self.run.next_label, reached, clock, spectrum), **(changes or {}))
+        record = replace(
+            build_record(self.run.next_label, reached, clock, spectrum),
+            **({} if changes is None else vars(changes)),
+        )
         state = self.run.commit(record)
         self._recent.append(record)
         self.new_states += 1

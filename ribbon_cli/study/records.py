@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,6 +54,22 @@ def saddle_result(problem: Problem, met: SaddleMet) -> Result:
     )
 
 
+def constructed(state: State) -> Result:
+    """A state that was made and not solved for, as a result; its multipliers are not numbers."""
+    problem, x = Problem(state.band), state.vector()
+    return Result(
+        Status.CONSTRUCTED,
+        x,
+        np.full(problem.rows, np.nan),
+        state,
+        problem.energy(x),
+        float("nan"),
+        float(np.abs(problem.constraints(x)).max()),
+        None,
+        0,
+    )
+
+
 def build_record(label: int, reached: Reached, clock: Clock, spectrum: SpectrumRequest | None) -> StateRecord:
     """The record of a reached state; `spectrum` says which modes to compute, None none."""
     problem, result = reached.problem, reached.result
@@ -63,7 +78,7 @@ def build_record(label: int, reached: Reached, clock: Clock, spectrum: SpectrumR
     spectra, remarks = _spectra(problem, result, spectrum)
     events = (*reached.events, *remarks)
     return StateRecord(
-        **derive(reached),
+        **vars(derive(reached)),
         label=label,
         kind=reached.kind,
         status=result.status.value,
@@ -107,7 +122,29 @@ def _sentence(result: Result, kind: str) -> str:
     return result.message
 
 
-def derive(reached: Reached) -> dict[str, Any]:
+@dataclass(frozen=True, eq=False)
+class Derived:
+    """Fields of a record that follow from u, g, xi and the multipliers, by their names in a `StateRecord`."""
+
+    energy: float
+    kkt_residual: float
+    constraint_residual: float
+    smallest_facet: float
+    inverted_facets: int
+    linking_number: float
+    twist: float
+    writhe: float
+    self_contact: bool
+    clearance: float
+    g_end: Array
+    midline: Array
+    kappa_s: Array
+    tau: Array
+    eta: Array
+    eta_prime: Array
+
+
+def derive(reached: Reached) -> Derived:
     """Fields of a record that follow from u, g, xi and the multipliers: what `ribbon verify` computes again.
 
     Raises ValueError where they are not defined, as for values that are not finite.
@@ -119,24 +156,24 @@ def derive(reached: Reached) -> dict[str, Any]:
     turn = _topology(problem, state)
     contact = self_contact(state.u, state.g, end, band.half_width, band.h)
     facets = inverted_facets(problem, result.x)
-    return {
-        "energy": result.energy,
-        "kkt_residual": result.kkt_residual,
-        "constraint_residual": result.constraint_residual,
-        "smallest_facet": float(facets.min()),
-        "inverted_facets": int((facets <= 0).sum()),
-        "linking_number": turn[0],
-        "twist": turn[1],
-        "writhe": turn[2],
-        "self_contact": contact.contact,
-        "clearance": contact.clearance,
-        "g_end": end,
-        "midline": shape.midline,
-        "kappa_s": shape.kappa_s,
-        "tau": shape.tau,
-        "eta": shape.eta,
-        "eta_prime": shape.eta_prime,
-    }
+    return Derived(
+        energy=result.energy,
+        kkt_residual=result.kkt_residual,
+        constraint_residual=result.constraint_residual,
+        smallest_facet=float(facets.min()),
+        inverted_facets=int((facets <= 0).sum()),
+        linking_number=turn[0],
+        twist=turn[1],
+        writhe=turn[2],
+        self_contact=contact.contact,
+        clearance=contact.clearance,
+        g_end=end,
+        midline=shape.midline,
+        kappa_s=shape.kappa_s,
+        tau=shape.tau,
+        eta=shape.eta,
+        eta_prime=shape.eta_prime,
+    )
 
 
 def _prescribed(problem: Problem) -> NDArray[np.bool_] | None:

@@ -5,10 +5,10 @@ As in the journal, model and solver are imported, and arrays are read, when ther
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from ..facts import Event
 from ..store import BranchRecord, Run, Summary
@@ -47,8 +47,8 @@ class Stage:
 class Ended:
     """Where a stage's solve ended, and how it came there.
 
-    `events` are told when the end is stored, those `before` have been told. `changes` are fields of the
-    record that do not follow from the result. `clock` is set by the walk.
+    `events` are told when the end is stored, those `before` have been told. `changes` is a
+    dataclass with fields of the record that do not follow from the result. `clock` is set by the walk.
     """
 
     problem: Problem
@@ -57,7 +57,7 @@ class Ended:
     events: tuple[Event, ...] = ()
     before: tuple[Event, ...] = ()
     branch: BranchRecord | None = None
-    changes: Mapping[str, Any] = field(default_factory=dict)
+    changes: object = None
     clock: Clock | None = None
 
 
