@@ -140,7 +140,8 @@ class State:
         return g
 
     def on(self, band: Band) -> State:
-        """The same u, g, xi as a state of another band of as many segments; an end that is held takes g along."""
+        """The same u, g, xi as a state of another band of as many segments; an end that is held takes g
+        along."""
         x, ends = self.vector(), band.parts.ends
         if ends is not None and ends.end != FREE:
             x[3:6] = finish_frame(ends).ruling
@@ -154,9 +155,9 @@ class Multipliers:
     lambda_1..lambda_5 (N,) approximate the continuous fields, to second order in h but for lambda_3: with
     g_i.u_i in the second row, as (2.18) has it, lambda_3 does so to first and lambda_3 - h lambda_2 eta to
     second order. lambda_1, lambda_4, lambda_5 sit at facets and lambda_2, lambda_3 at nodes, (2.48).
-    gamma (3,) is the closure force; on a strip, the force of its end's clamp (zero at a free end). `end` is the
-    multiplier of a strip's end row: of (t_B - u_N).g_{N+1}, else of |g_{N+1}|^2 - (g_{N+1}.u_N)^2 - 1; lambda_2 is
-    not-a-number at node 1 there, whose ruling is held.
+    gamma (3,) is the closure force; on a strip, the force of its end's clamp (zero at a free end). `end` is
+    the multiplier of a strip's end row: of (t_B - u_N).g_{N+1}, else of |g_{N+1}|^2 - (g_{N+1}.u_N)^2 - 1;
+    lambda_2 is not-a-number at node 1 there, whose ruling is held.
     """
 
     lambda_1: Array
@@ -181,7 +182,8 @@ class Multipliers:
         return cls(one, two, three, four, five, gamma, end)
 
     def vector(self, closing: int = 3) -> Array:
-        """Pack into (5N+3,) ordered node by node, closure last; `closing` is 0 for a strip with a free end."""
+        """Pack into (5N+3,) ordered node by node, closure last; `closing` is 0 for a strip with a free
+        end."""
         fields = (self.lambda_1, self.lambda_2, self.lambda_3, self.lambda_4, self.lambda_5)
         node = np.column_stack(fields)
         if self.end is not None:

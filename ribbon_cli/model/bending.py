@@ -8,6 +8,8 @@ docs/strips.md. Discretely kappa_i h = g_i.(u_{i-1} x u_i), (3.1), and 1 + eta^2
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 
 from ..parts import CLAMPED, HALF_WIDTH
@@ -18,7 +20,8 @@ from .term import Couplings, Term
 
 
 def folds(band: Band) -> Array | float:
-    """Which nodes are folded (M,): all of a closed band, and of a strip those at clamps and between the ends."""
+    """Which nodes are folded (M,): all of a closed band, and of a strip those at clamps and between the
+    ends."""
     ends = band.parts.ends
     if ends is None:
         return 1.0
@@ -71,7 +74,7 @@ class NaturalCurvature(Term):
     """What a natural curvature adds to the bending energy."""
 
     parameters = ("natural_curvature",)
-    couplings: Couplings = (("U0", "U"),)
+    couplings: ClassVar[Couplings] = (("U0", "U"),)
 
     def __init__(self, band: Band) -> None:
         super().__init__(band)
@@ -89,7 +92,7 @@ class NaturalCurvature(Term):
 
     def _constant(self, local: Array) -> float:
         """The constant by k0^2, spread over the nodes."""
-        return 0.5 * self.band.half_width * self.covered / local.shape[1]
+        return 0.5 * self.band.half_width * self.covered / float(local.shape[1])
 
     def _per_unit(self, local: Array) -> Array:
         """The linear term by b k0, (M,)."""
@@ -144,4 +147,4 @@ class NaturalCurvature(Term):
 
     def second_rate(self, parameter: str, local: Array) -> float:
         """By the natural curvature."""
-        return 2.0 * self._constant(local) * local.shape[1] if parameter in self.parameters else 0.0
+        return self.band.half_width * self.covered if parameter in self.parameters else 0.0

@@ -48,7 +48,8 @@ def finish_frame(ends: Ends) -> EndFrame:
 
 
 def finish_rate(ends: Ends, name: str, order: int = 1) -> EndFrame:
-    """The first or second derivative of the end's frame by a parameter; zero for one that does not turn it."""
+    """The first or second derivative of the end's frame by a parameter; zero for one that does not turn
+    it."""
     if name not in TURNS:
         return EndFrame(np.zeros(3), np.zeros(3))
     first, second = _turn(_X, ends.twist), _turn(_Z, ends.tilt)

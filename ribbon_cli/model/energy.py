@@ -74,7 +74,8 @@ def _xi_factor(band: Band, local: Array) -> tuple[Array, Array, Array]:
 
 
 def energy_terms(band: Band, local: Array, cells: Array | float = 1.0) -> Array:
-    """Per-node energies (N,) whose sum is Q_h; `cells` (N,) are factors on them, 2 for a fold of half a cell."""
+    """Per-node energies (N,) whose sum is Q_h; `cells` (N,) are factors on them, 2 for a fold of half a
+    cell."""
     d = local[U] - local[U0]
     g2 = dot(local[G], local[G])
     f = _xi_factor(band, local)[0]

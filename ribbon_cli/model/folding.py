@@ -80,10 +80,12 @@ def from_state(state: State) -> Folding:
 
 
 def angles(before: Array, after: Array, g: Array) -> Array:
-    """Fold angles (n,) about rulings g (n,3) from the facets' normals before them to those after, (n,3) each."""
+    """Fold angles (n,) about rulings g (n,3) from the facets' normals before them to those after, (n,3)
+    each."""
     axis = g / np.linalg.norm(g, axis=1)[:, None]
     turned = np.einsum("ij,ij->i", np.cross(before, after), axis)
-    return np.arctan2(turned, np.einsum("ij,ij->i", before, after))
+    out: Array = np.arctan2(turned, np.einsum("ij,ij->i", before, after))
+    return out
 
 
 def facet_frames(state: State) -> Array:

@@ -1,14 +1,18 @@
 """The weight of a strip, zero where it lies at the start's midpoint.
 
-With a weight w per area in the unit direction e, facet i (a quadrilateral with its midline h u_i and the rulings
-g_i, g_{i+1} at its ends) has the first moment
+With a weight w per area in the unit direction e, facet i (a quadrilateral with its midline h u_i and the
+rulings g_i, g_{i+1} at its ends) has the first moment
 
-    int r da = 2 b h r_i + (b^2 h / 3) tanh(xi_i) (g_i + g_{i+1}),      r_i = h (u_1 + ... + u_{i-1} + u_i / 2),
+    int r da = 2 b h r_i + (b^2 h / 3) tanh(xi_i) (g_i + g_{i+1}),      r_i = h (u_1 + ... + u_{i-1} + u_i /
+    2),
 
-exactly: its area element is (h + beta deta_i) dbeta dt with deta_i = u_i.(g_{i+1} - g_i) = (h/b) tanh xi_i, (2.10).
+exactly: its area element is (h + beta deta_i) dbeta dt with deta_i = u_i.(g_{i+1} - g_i) = (h/b) tanh xi_i,
+(2.10).
 """
 
 from __future__ import annotations
+
+from typing import ClassVar
 
 import numpy as np
 
@@ -24,7 +28,7 @@ class Gravity(Term):
 
     parameters = ("gravity",)
     load = True
-    couplings: Couplings = (("G1", "X"),)
+    couplings: ClassVar[Couplings] = (("G1", "X"),)
 
     def __init__(self, band: Band) -> None:
         super().__init__(band)

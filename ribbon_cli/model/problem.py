@@ -151,8 +151,8 @@ class Problem:
     """Energy and constraints of one band or strip, Koldaev (2022), (2.19), on vectors x (7N,).
 
     Constraint values are returned weighted by (2.47) in `weighted_constraints` (so that multipliers
-    are those of (1.58)) and as written in (2.19) in `constraints`. `closing` is the number of rows that say where
-    the midline ends, 3 but for a free end, and `target` (3,) where that is.
+    are those of (1.58)) and as written in (2.19) in `constraints`. `closing` is the number of rows that say
+    where the midline ends, 3 but for a free end, and `target` (3,) where that is.
     """
 
     def __init__(self, band: Band, prescription: Prescription = FREE) -> None:
@@ -200,7 +200,8 @@ class Problem:
         return State.from_vector(self.band, x)
 
     def end_ruling(self, x: Array) -> Array:
-        """g_{N+1} (3,): sigma g_1 where the seam is closed, the prescribed one where it is open, a strip's own."""
+        """g_{N+1} (3,): sigma g_1 where the seam is closed, the prescribed one where it is open, a strip's
+        own."""
         if self.stencil.seam is Seam.OPEN:
             return self._data.copy()
         end: Array = x[3:6].copy() if self.stencil.seam.strip else self.band.sigma * x[3:6]
@@ -307,9 +308,9 @@ class Problem:
         )
 
     def unmasked(self, local: Array, multipliers: Array | None) -> tuple[float, Array, Array, Array]:
-        """The energy, its gradient (14,M), the weighted Jacobian (5,14,M) and the Lagrangian's Hessian (14,14,M).
+        """Derivatives in the local vectors (14,M), of what is held and of data as well as of unknowns.
 
-        In the local vectors (14,M), of what is held and of data as well as of unknowns.
+        The energy, its gradient (14,M), the weighted Jacobian (5,14,M), the Lagrangian's Hessian (14,14,M).
         """
         band, seam = self.band, self.stencil
         terms, gradient, hessian = self.bending.derivatives(local, with_hessian=multipliers is not None)
@@ -348,13 +349,14 @@ class Problem:
 
     def gathered(self, values: Array) -> Array:
         """Sum local values (14,M) into a vector (7N,)."""
-        return self.gathered_with_data(values)[: self.size].astype(np.float64, copy=False)
+        return self.gathered_with_data(values)[: self.size]
 
     def gathered_with_data(self, values: Array) -> Array:
-        """Sum local values (14,M) into a vector of unknowns and data: g_{N+1}, or t_A, g_1, t_B of a strip."""
-        return np.bincount(
-            self.stencil.index.ravel(), weights=values.ravel(), minlength=self.size + self.stencil.seam.data
-        )
+        """Sum local values (14,M) into a vector of unknowns and data: g_{N+1}, or t_A, g_1, t_B of a
+        strip."""
+        slots = self.size + self.stencil.seam.data
+        total = np.bincount(self.stencil.index.ravel(), weights=values.ravel(), minlength=slots)
+        return total.astype(np.float64, copy=False)
 
     @staticmethod
     def _replace_unit_length_row(

@@ -1,10 +1,12 @@
 """Derivatives with respect to a parameter p, at fixed unknowns and multipliers.
 
 Of L = E - lambda . c, (2.47) and (2.55), the half-width b enters in the energy's terms, of which bending is b
-times something without b, and in the fifth constraint of (2.19), weighted by h: b u_i.(g_{i+1} - g_i) - h tanh xi_i.
-Loads and natural curvature enter in their own terms. Span, lift and shear enter in h sum u = displacement, twist
-and tilt by the end's tangent and ruling, which are data D of every local vector: L_p = L_D.D', and so on, with the
-columns of the local derivatives that belong to data.
+times something without b, and in the fifth constraint of (2.19), weighted by h: b u_i.(g_{i+1} - g_i) - h
+tanh xi_i.
+Loads and natural curvature enter in their own terms. Span, lift and shear enter in h sum u = displacement,
+twist
+and tilt by the end's tangent and ruling, which are data D of every local vector: L_p = L_D.D', and so on,
+with the columns of the local derivatives that belong to data.
 """
 
 from __future__ import annotations
@@ -26,11 +28,11 @@ FIFTH = PER_NODE - 1
 
 @dataclass(frozen=True)
 class Rates:
-    """Derivatives by a parameter: of L, of its gradient in x (7N,), of the weighted constraints (5N+3,), and the
-    second derivative of L.
+    """Derivatives by a parameter: of L, of its gradient in x (7N,), of the weighted constraints (5N+3,), and
+    the second derivative of L.
 
-    Along a branch of stationary points `lagrangian` is dE/dp, since L is stationary in x and lambda and equals
-    E there. The gradient is zero at held components.
+    Along a branch of stationary points `lagrangian` is dE/dp, since L is stationary in x and lambda and
+    equals E there. The gradient is zero at held components.
     """
 
     lagrangian: float

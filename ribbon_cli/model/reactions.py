@@ -1,10 +1,12 @@
 """Forces and moments at the ends of a strip in equilibrium.
 
 What a clamp exerts on the strip is the derivative of the Lagrangian by its place: the end's force is the
-multiplier of h sum u = displacement, and its moment about its midpoint that of turning its tangent and ruling,
-M = t x dL/dt + g x dL/dg. The start's moment comes likewise from its own tangent and ruling, and its force from
-the rows of the first facet: what is left there of the gradient without loads and end is h times the force that
-the facet passes on. So balance of both with the loads is a test, not an identity.
+multiplier of h sum u = displacement, and its moment about its midpoint that of turning its tangent and
+ruling,
+M = t x dL/dt + g x dL/dg. The start's moment comes likewise from its own tangent and ruling, and its force
+from
+the rows of the first facet: what is left there of the gradient without loads and end is h times the force
+that the facet passes on. So balance of both with the loads is a test, not an identity.
 """
 
 from __future__ import annotations
@@ -20,9 +22,9 @@ from .stencil import Seam, U
 
 @dataclass(frozen=True)
 class Reactions:
-    """Forces (3,), in 1/length, and moments (3,) about the ends' midpoints, on the strip, in the start's frame.
+    """Forces (3,), in 1/length, and moments (3,) about the ends' midpoints, on the strip.
 
-    Of a free end both are zero.
+    In the start's frame; of a free end both are zero.
     """
 
     force: Array

@@ -6,9 +6,9 @@ nodes. With an open seam (auxiliary problems) g_{N+1} is data, kept in three ext
 7N unknowns.
 
 A strip with ends has one node more, N+1, where its far end is held or free. Its end ruling g_{N+1} takes the
-place of g_1 among the unknowns (held, or free at a free end), so that nodes are coupled round the circle as in a
-band; g_1 and the tangents of the two clamps are data, nine slots after the unknowns. At both ends a fold spans
-half a cell and has one facet, whose xi stands for both.
+place of g_1 among the unknowns (held, or free at a free end), so that nodes are coupled round the circle as
+in a band; g_1 and the tangents of the two clamps are data, nine slots after the unknowns. At both ends a fold
+spans half a cell and has one facet, whose xi stands for both.
 """
 
 from __future__ import annotations

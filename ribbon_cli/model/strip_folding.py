@@ -1,8 +1,9 @@
 """Folding coordinates of a strip with ends: N+1 folds, those at nodes 1 and N+1 against the clamps' frames.
 
-Fold i turns by theta_i about the ruling (eta_i, 0, 1) / sqrt(1 + eta_i^2), as in `folding`. At a hinge, and at a
-free end, theta is the angle from the frame that a clamp would have there, and costs nothing. At clamps the fold
-spans half a cell, so that the curvature there is theta / (h/2) / sqrt(1 + eta^2).
+Fold i turns by theta_i about the ruling (eta_i, 0, 1) / sqrt(1 + eta_i^2), as in `folding`. At a hinge, and
+at a
+free end, theta is the angle from the frame that a clamp would have there, and costs nothing. At clamps the
+fold spans half a cell, so that the curvature there is theta / (h/2) / sqrt(1 + eta^2).
 """
 
 from __future__ import annotations
@@ -33,7 +34,8 @@ def from_state(state: State) -> Folding:
 
 
 def curvature(folded: Folding, band: Band) -> Array:
-    """Curvature (N+1,) at the nodes, in 1/length; at hinges and free ends the natural one, without a moment."""
+    """Curvature (N+1,) at the nodes, in 1/length; at hinges and free ends the natural one, without a
+    moment."""
     ends, out = _ends(band), folded.curvature(band.h)
     natural = band.parts.material.natural_curvature
     out[0] = 2.0 * out[0] if ends.start == CLAMPED else natural

@@ -1,7 +1,7 @@
 """What an energy term gives: local values, gradients and Hessians, and its derivatives by parameters.
 
-A term is a sum over the local vectors (14, M) of `stencil`. A new one is a class here or in a file of its own, and
-a row in `terms.py`; solver, branches, spectra and verification then work with it unchanged.
+A term is a sum over the local vectors (14, M) of `stencil`. A new one is a class here or in a file of its
+own, and a row in `terms.py`; solver, branches, spectra and verification then work with it unchanged.
 """
 
 from __future__ import annotations
@@ -14,7 +14,8 @@ from .band import Array, Band
 from .stencil import SIZE
 
 Couplings = tuple[tuple[str, str], ...]
-"""Pairs of blocks of the local vector, from U0, U, G, G1, X0, X in this order, which a Hessian couples fully."""
+"""Pairs of blocks of the local vector, from U0, U, G, G1, X0, X in this order, which a Hessian couples
+fully."""
 
 
 class Term:

@@ -5,8 +5,8 @@ A branch is a curve of stationary points z = (x, lambda, p). Its length is measu
     ds^2 = (h / l) sum_i (|du_i|^2 + |dg_i|^2) + (w dp)^2,      w = 2 pi / l for the half-width,
 
 the mean square change of tangents and rulings along the band and that of the parameter as a pure number
-(`parts.Parameter.weight`): independent of the mesh and of the unit of length; xi and the multipliers, which u, g
-and p determine, have no weight, nor has what is held. A step predicts along the unit
+(`parts.Parameter.weight`): independent of the mesh and of the unit of length; xi and the multipliers, which
+u, g and p determine, have no weight, nor has what is held. A step predicts along the unit
 tangent t and corrects on the hyperplane <t, z - z_0> = ds (Keller 1977), by Newton's method without any
 regard for minima: points of a branch may be saddles, and their index is counted, not changed.
 """

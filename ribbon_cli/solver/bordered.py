@@ -53,7 +53,8 @@ class BorderedSystem:
         self.problem, self.local = problem, local
         self.rotations = problem.rotations(x)
         length = float(np.linalg.norm(covector))
-        # A band may keep its shape while the parameter grows, as the ring does: a is roundoff, and no border for K.
+        # A band may keep its shape while the parameter grows, as the ring does: a is roundoff, and no
+        # border for K.
         flat = length <= NEGLIGIBLE * abs(weight)
         self._eliminations = (self._by_plain,) if flat else (self._by_bordered, self._by_plain)
         self._length = abs(weight) if flat else length

@@ -68,9 +68,9 @@ STOPS = (Reason.FOLD, Reason.STABILITY_LOST, Reason.CONTACT)
 class BranchOptions:
     """What a branch is followed for.
 
-    It ends where the parameter leaves [low, high], at the first event of the kinds in `stop_at`. `values` of it
-    are met exactly. `first_step`, `least_step` and `largest_step` are lengths along the branch. `guard` as in a
-    solve.
+    It ends where the parameter leaves [low, high], at the first event of the kinds in `stop_at`. `values` of
+    it are met exactly. `first_step`, `least_step` and `largest_step` are lengths along the branch. `guard` as
+    in a solve.
     """
 
     low: float

@@ -61,7 +61,8 @@ class Event:
 
     `position` is s within the step. At folds and branch points `before` and `after` are the indices on
     either side, and `mode` is the direction that is soft there (along the branch at a fold). `begins` tells
-    the first facets that touch from the last, `bracket` is how far the parameter is from the other side of a contact.
+    the first facets that touch from the last, `bracket` is how far the parameter is from the other side of a
+    contact.
     """
 
     type: str

@@ -3,8 +3,8 @@
 Newton's method converges to some stationary point at the new value; past a fold it can only be one of
 another branch. On a branch x(p) the slopes dx/dp and dE/dp are known at both ends, and the step must agree
 with them: to fourth order E_1 - E_0 is the corrected trapezoid dp/2 (E'_0 + E'_1) + dp^2/12 (E''_0 - E''_1),
-and to second x_1 - x_0 is dp/2 (x'_0 + x'_1). Where a step moves several parameters at once, p is the way gone,
-from 0 to 1. Where it does not agree, points in between decide.
+and to second x_1 - x_0 is dp/2 (x'_0 + x'_1). Where a step moves several parameters at once, p is the way
+gone, from 0 to 1. Where it does not agree, points in between decide.
 """
 
 from __future__ import annotations

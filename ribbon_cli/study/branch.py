@@ -72,7 +72,7 @@ class Branches:
         self.options = BranchOptions(
             low=min(ends),
             high=max(ends),
-            widths=request.at,
+            values=request.at,
             stop_at=frozenset(Reason(word) for word in request.stop_at),
             first_step=min(BranchOptions.first_step, request.max_step),
             largest_step=request.max_step,
@@ -132,7 +132,7 @@ class Branches:
             return None, known, End(Reason.STEP_TOO_SMALL, base.half_width, f"no tangent here: {error}")
         if taken.point is not None:
             found = taken.point
-            self.walk.progress.step(found.steps, found.energy, found.worst, found.half_width)
+            self.walk.progress.step(found.steps, found.energy, found.worst, found.value)
         self.walk.tell(stage, taken.refused)
         events: list[StateRecord] = []
         for found_on_it in _numbered(taken.events):
@@ -225,7 +225,7 @@ class Branches:
             name=name,
             type=type,
             arclength=arclength,
-            half_width_rate=tangent.half_width,
+            half_width_rate=tangent.value,
             next_step=next_step,
             tangent=tangent.x.reshape(segments, 7),
             index_before=before,
@@ -258,7 +258,7 @@ class Branches:
             start.label,
             points,
             end.reason.value,
-            end.half_width,
+            end.value,
             f"{end.reason.sentence} {end.detail}".strip(),
         )
         self.courses.append(course)
@@ -269,7 +269,7 @@ class Branches:
             "half_width": course.half_width,
             "message": course.message,
         }
-        self.journal.note(f"{name} ends at b = {end.half_width:.12g}: {course.message}")
+        self.journal.note(f"{name} ends at b = {end.value:.12g}: {course.message}")
         known = {each.name: each for each in courses(self.journal.run)}.get(name)
         if known is not None and known.arclength > course.arclength:
             return  # it was followed further before, and that end stands
@@ -343,7 +343,7 @@ def _can_be_left(record: StateRecord) -> bool:
 def _stage(name: str, point: Point, type: str, parent: StateRecord) -> Stage:
     """The stage of a point of a branch; widths that were asked for are equilibria."""
     kind = "equilibrium" if type == "width" else "intermediate"
-    return Stage(name, point.half_width, point.problem.band.segments, kind, parent.label)
+    return Stage(name, point.value, point.problem.band.segments, kind, parent.label)
 
 
 def _broken(base: StateRecord, why: Failure) -> End:
@@ -376,14 +376,14 @@ def _numbered(events: Sequence[Event]) -> Iterator[tuple[str, Event]]:
     """Events with the words that name their stages, different within a step."""
     seen: dict[str, int] = {}
     for event in events:
-        word = f"b = {event.point.half_width:.12g}" if event.type == "width" else event.type
+        word = f"b = {event.point.value:.12g}" if event.type == "width" else event.type
         seen[word] = seen.get(word, 0) + 1
         yield (word if seen[word] == 1 else f"{word} ({seen[word]})"), event
 
 
 def _happening(event: Event) -> Happening:
     """An event of a branch as the fact that its state keeps."""
-    b = event.point.half_width
+    b = event.point.value
     if event.type == "contact":
         kind = "contact-begins" if event.begins else "contact-ceases"
         return happening(kind, half_width=b, bracket=event.bracket)
@@ -392,7 +392,7 @@ def _happening(event: Event) -> Happening:
     index = {"half_width": b, "before": _index(event.before), "after": _index(event.after)}
     if event.type == "fold" or event.mode is None:
         return happening("fold", **index)
-    if abs(event.tangent.half_width) <= TURNING:
+    if abs(event.tangent.value) <= TURNING:
         return happening("branch-met", **index, overlap=event.mode.overlap)
     kind = "stability-gained" if event.after == 0 else "bifurcation"
     if event.loses_stability:

@@ -44,9 +44,9 @@ class Natural:
                 break
         end = end or End(Reason.RANGE, to)
         message = f"{end.reason.sentence} {end.detail}".strip()
-        self.journal.note(f"{name} ends at b = {end.half_width:.12g}: {message}")
+        self.journal.note(f"{name} ends at b = {end.value:.12g}: {message}")
         points = tuple(_point(record, kind) for record, kind in self.met)
-        return Course(name, self.start.label, points, end.reason.value, end.half_width, message)
+        return Course(name, self.start.label, points, end.reason.value, end.value, message)
 
     def _reach(self, name: str, current: Summary, b: float) -> tuple[Summary, End | None]:
         """Go to a width in steps as long as they succeed; where it ends if it is not reached."""
