@@ -66,7 +66,7 @@ def twisted_guess(segments: int, half_width: float) -> State:
     state, multipliers = cylinder(band), None
     for stage in twist_stages(HALF_TWISTS, TWIST_STEPS):
         problem = Problem(band, stage.prescription)
-        found = solve(problem, state.vector(), multipliers, Options(guard=stage.guard()))
+        found = solve(problem, state.vector(), multipliers, Options(guard=stage.guard))
         state, multipliers = certified(found, problem).state, found.multipliers
     return state
 

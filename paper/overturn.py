@@ -45,14 +45,14 @@ def follow(record: StateRecord, first: int, half_twists: int, steps: int) -> Ove
     turns: list[float] = []
     stopped = turned_over = None
     for k in range(first, steps + 1):
-        stage = twist_stage(half_twists, k, steps)
+        stage = twist_stage(half_twists, steps, k)
         problem = Problem(state.band, stage.prescription)
         result = solve(problem, state.vector(), multipliers, Options())
         if result.status is not Status.MINIMUM:
             return Overturn(k - 1, tuple(turns), stopped, turned_over, None)
         state, multipliers = result.state, result.multipliers
         turns.append(open_turn(state.u, state.g, state.band.h))
-        refused = stage.guard()(state)
+        refused = stage.guard(state)
         if stopped is None and refused is not None:
             stopped = f"{stage.name}: {refused}"
         if turned_over is None and state.u[0, 0] < 0:

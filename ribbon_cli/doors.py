@@ -12,6 +12,7 @@ import sys
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 
 
 def door(room: str, file: str) -> tuple[Callable[[str], object], Callable[[], list[str]]]:
@@ -35,3 +36,18 @@ def door(room: str, file: str) -> tuple[Callable[[str], object], Callable[[], li
         return import_module(f".{name}", room) if home == "." else getattr(import_module(home, room), name)
 
     return find, lambda: sorted({*vars(sys.modules[room]), *known()})
+
+
+class Later(ModuleType):
+    """A module that is imported when something of it is first asked for; `name` is its dotted name.
+
+    For files whose first half is read by what must not wait for the second: a recipe's keys and its
+    mathematics. Type checkers are shown the module itself.
+    """
+
+    def __getattr__(self, name: str) -> object:
+        if name.startswith("__"):
+            raise AttributeError(name)
+        found = getattr(import_module(self.__name__), name)
+        setattr(self, name, found)
+        return found

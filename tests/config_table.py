@@ -6,8 +6,8 @@ from collections.abc import Iterable, Iterator
 from typing import Any
 
 from ribbon_cli.config.json_schema import schema
-from ribbon_cli.config.keys import Either, Flag, Integer, Items, Key, Number, Section, Takes, Word
 from ribbon_cli.config.table import CONFIG
+from ribbon_cli.keys import Either, Flag, Integer, Items, Key, Number, Section, Takes, Word
 
 
 def keys() -> Iterator[tuple[str, Key, dict[str, Any]]]:

@@ -38,7 +38,7 @@ def test_the_example_of_the_documentation() -> None:
         half_twists=1,
         length=2 * math.pi,
         discretisation="thesis",
-        guess=Guess("twist", 50, 0.1, 50),
+        guess=Guess("twist", 50, 0.1, {"steps": 50}),
         widths=(0.1, 0.2, 0.5, 0.8, 1.0, 1.5),
         refinement=Refinement((50, 100, 200, 400)),
         spectrum=SpectrumRequest(12, 200, ("euclidean", "physical")),
@@ -53,7 +53,7 @@ def test_defaults() -> None:
     assert config.name == "band"
     assert config.length == 2 * math.pi
     assert config.discretisation == "thesis"
-    assert config.guess == Guess("twist", 50, 0.1, 50)
+    assert config.guess == Guess("twist", 50, 0.1, {"steps": 50})
     assert config.widths == (0.1,)
     assert config.refinement == Refinement((50,))
     assert config.spectrum == SpectrumRequest()

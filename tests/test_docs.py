@@ -215,6 +215,13 @@ def test_the_reference_names_every_key_and_recipe() -> None:
     assert set(re.findall(r"recipe: (\w+)", section)) == set(RECIPES)
 
 
+def test_the_page_on_recipes_has_a_row_and_a_section_for_each() -> None:
+    page = read(ROOT / "docs" / "recipes.md")
+    for name, card in RECIPES.items():
+        assert f"\n{card.row} " in page
+        assert f"\n## {name}\n" in page
+
+
 def test_the_reference_names_every_exit_code() -> None:
     listed = {
         int(code)

@@ -31,10 +31,10 @@ from ribbon_cli.config import (
 )
 from ribbon_cli.config.document import Node
 from ribbon_cli.config.json_schema import schema
-from ribbon_cli.config.keys import Integer, Text
 from ribbon_cli.config.mistakes import Mistakes
 from ribbon_cli.config.reader import Reader
 from ribbon_cli.expression import PATTERN, ExpressionError, evaluate
+from ribbon_cli.keys import Integer, Text
 
 ROOT = Path(__file__).parent.parent
 SCHEMA = Draft7Validator(schema())

@@ -1,10 +1,10 @@
+from ..recipes import RECIPES as RECIPES
 from .json_schema import SCHEMA_FILE as SCHEMA_FILE
 from .json_schema import schema as schema
 from .mistakes import ConfigError as ConfigError
 from .mistakes import Mistake as Mistake
 from .parse import load_config as load_config
 from .parse import parse_config as parse_config
-from .recipes import RECIPES as RECIPES
 from .template_files import templates as templates
 from .types import STOPS as STOPS
 from .types import Arclength as Arclength

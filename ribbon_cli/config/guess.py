@@ -7,11 +7,11 @@ import os
 from dataclasses import replace
 
 from ribbon_cli.config.document import Node
-from ribbon_cli.config.keys import Section
 from ribbon_cli.config.reader import Reader
-from ribbon_cli.config.recipes import EVEN_SEGMENTS, RECIPES, topology_problem
 from ribbon_cli.config.table import GUESS, RECIPE, STATE, STATE_FILES
 from ribbon_cli.config.types import Guess
+from ribbon_cli.keys import Section
+from ribbon_cli.recipes import RECIPES
 
 _NO_GUESS = Guess("")
 
@@ -35,7 +35,7 @@ def _recipe(reader: Reader, node: Node, named: str, half_twists: int | None) -> 
     """A recipe with its settings; of a recipe that there is not, the settings of all are known."""
     name = named if named in RECIPES else ""
     recipes = [RECIPES[name]] if name else list(RECIPES.values())
-    keys = {key.name: key for recipe in recipes for key in recipe.keys}
+    keys = {key.name: key for recipe in recipes for key in recipe.all_keys}
     if not name:
         keys = {key.name: replace(key, required="") for key in keys.values()}
     refused = {
@@ -44,12 +44,13 @@ def _recipe(reader: Reader, node: Node, named: str, half_twists: int | None) -> 
     }
     found = reader.section(node, "initial_guess", Section((RECIPE, *keys.values()), name), refused)
     values = found.values()
-    guess = Guess(**values | {"recipe": name})
-    if keys["segments"].takes == EVEN_SEGMENTS and (guess.segments or 0) % 2:
+    known, settings = values.pop("recipe") is not None, values
+    guess = Guess(name, settings.pop("segments"), settings.pop("half_width"), settings)
+    if name and RECIPES[name].segments.even and (guess.segments or 0) % 2:
         found.report("segments", f"must be even for the recipe {name}, got {guess.segments}")
-    if values["recipe"] is None or half_twists is None:
+    if not known or half_twists is None:
         return guess
-    if misfit := topology_problem(name, half_twists):
+    if misfit := _misfit(name, half_twists):
         found.report("recipe", misfit)
         return guess
     recipe, bands = RECIPES[name], f"{name} with {abs(half_twists)} half-twists"
@@ -62,9 +63,22 @@ def _recipe(reader: Reader, node: Node, named: str, half_twists: int | None) -> 
     return guess
 
 
+def _misfit(name: str, half_twists: int) -> str | None:
+    """Why the recipe cannot make a band with so many half-twists, and which can; None if it can."""
+    recipe = RECIPES[name]
+    if recipe.fits(half_twists):
+        return None
+    others = [other for other, rule in RECIPES.items() if rule.fits(half_twists)]
+    hint = (
+        f"take {' or '.join(others)}" if others else "no recipe makes these: start from a state, {state: ...}"
+    )
+    needs = f"needs half_twists {recipe.half_twists}, got {half_twists}"
+    return f"{name} does not fit the topology: {needs}; {hint}"
+
+
 def _state(reader: Reader, node: Node, given: list[str], folder: str) -> Guess:
     """A stored state, which brings its own segments and half-width."""
-    settings = [key.name for recipe in RECIPES.values() for key in recipe.keys]
+    settings = [key.name for recipe in RECIPES.values() for key in recipe.all_keys]
     refused = dict.fromkeys(settings, "does not go with a state: remove it")
     refused |= dict.fromkeys(("segments", "half_width"), "comes with the state: remove it")
     # In braces a comma ends the value: {state: RUN@b=0.5,N=400} gives a key "N=400".

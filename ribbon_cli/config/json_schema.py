@@ -11,7 +11,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from ribbon_cli.config.keys import (
+from ribbon_cli.config.reader import NUMBER
+from ribbon_cli.config.table import CONFIG
+from ribbon_cli.expression import MAX_CHARACTERS, PATTERN
+from ribbon_cli.keys import (
     Either,
     Flag,
     Integer,
@@ -24,9 +27,6 @@ from ribbon_cli.config.keys import (
     Vector,
     Word,
 )
-from ribbon_cli.config.reader import NUMBER
-from ribbon_cli.config.table import CONFIG
-from ribbon_cli.expression import MAX_CHARACTERS, PATTERN
 
 SCHEMA_FILE = "ribbon.schema.json"
 """What templates call the schema's file, which lies beside the config."""

@@ -8,9 +8,9 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from ribbon_cli.config.document import Node
-from ribbon_cli.config.keys import Flag, Integer, Items, Number, Section, Takes, Text, Vector, Word
 from ribbon_cli.config.mistakes import Mistakes, near_miss, shown
 from ribbon_cli.expression import ExpressionError, evaluate
+from ribbon_cli.keys import Flag, Integer, Items, Number, Section, Takes, Text, Vector, Word
 
 _INTEGER = re.compile(r"[+-]?(?:0|[1-9][0-9]{0,17})")
 _BOOLEANS = frozenset({"yes", "no", "true", "false", "on", "off"})  # to YAML 1.1

@@ -1,15 +1,28 @@
 """The one table of what a config may say; reader, `ribbon schema` and the reference's table follow from it.
 
-A new key is a row here, and a field of the record in `types.py` that holds it.
+A new key is a row here, and a field of the record in `types.py` that holds it. The keys of recipes are in
+their own files.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
 
-from ribbon_cli.config.keys import Either, Flag, Integer, Items, Key, Number, Section, Text, Word
-from ribbon_cli.config.recipes import HALF_WIDTH, RECIPES, SEGMENTS
 from ribbon_cli.config.types import METRICS, STOPS, Arclength, SpectrumRequest
+from ribbon_cli.keys import (
+    HALF_WIDTH,
+    SEGMENTS,
+    Either,
+    Flag,
+    Integer,
+    Items,
+    Key,
+    Number,
+    Section,
+    Text,
+    Word,
+)
+from ribbon_cli.recipes import RECIPES
 
 STATE_FILES = (".npz", ".h5")
 _SUFFIX = "|".join("".join(f"[{c}{c.upper()}]" if c.isalpha() else c for c in s[1:]) for s in STATE_FILES)
@@ -69,7 +82,7 @@ TOPOLOGY = Section((
         required="0 for a cylinder, 1 or -1 for a Moebius band", examples=(1, 0, -1, 3)),
 ))
 GUESS = Either((
-    *(Section((replace(RECIPE, takes=Word((name,))), *recipe.keys), name, recipe.about)
+    *(Section((replace(RECIPE, takes=Word((name,))), *recipe.all_keys), name, recipe.about)
       for name, recipe in RECIPES.items()),
     STATE,
 ), "a mapping {recipe: ..., segments: ..., half_width: ...}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -16,8 +17,8 @@ METRICS = ("euclidean", "physical")
 class Guess:
     """Where the first state comes from: a recipe, or (`recipe` "state") a stored state.
 
-    `segments` N and `half_width` b are None with a state, which brings its own. `steps` is the number of
-    auxiliary problems of a twist or an eversion, None for other recipes. `state` is what to open, a reference
+    `segments` N and `half_width` b are None with a state, which brings its own. `settings` are the recipe's
+    other keys. `state` is what to open, a reference
     or an absolute path; `state_as_written` is what the config says, at `line` and `column` of its file.
     `keep_saddle` asks for the stationary point next to the state, whatever its index.
     """
@@ -25,7 +26,7 @@ class Guess:
     recipe: str
     segments: int | None = None
     half_width: float | None = None
-    steps: int | None = None
+    settings: Mapping[str, Any] = field(default_factory=dict, hash=False)
     state: str | None = None
     state_as_written: str | None = None
     keep_saddle: bool = False
@@ -122,7 +123,7 @@ class Config:
             "initial_guess": (
                 {"state": guess.state_as_written, **({"saddle": "keep"} if guess.keep_saddle else {})}
                 if guess.recipe == "state"
-                else _said(guess)
+                else _recipe(guess)
             ),
         }
         if self.widths:
@@ -141,7 +142,16 @@ class Config:
         return hashlib.sha256(canonical.encode("ascii")).hexdigest()[:8]
 
 
-def _said(record: Guess | Arclength) -> dict[str, Any]:
+def _recipe(guess: Guess) -> dict[str, Any]:
+    return {
+        "recipe": guess.recipe,
+        "segments": guess.segments,
+        "half_width": guess.half_width,
+        **guess.settings,
+    }
+
+
+def _said(record: Arclength) -> dict[str, Any]:
     """The fields of a record that say something, in a config's own layout."""
     said = {name: value for name, value in vars(record).items() if value}
     return {name: list(value) if isinstance(value, tuple) else value for name, value in said.items()}

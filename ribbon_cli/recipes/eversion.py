@@ -10,50 +10,41 @@ Lk = 0.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
+from ..doors import Later
+from ..keys import SEGMENTS
+from .cylinder import cylinder
+from .recipe import Made, Making, Recipe, Settings, Turn, Turning, Way, steps_key, turn_name
 
-from ..model.band import Array, State
-from ..model.folding import from_state
-from ..model.problem import Prescription
-from ..model.topology import linking_number
+if TYPE_CHECKING:
+    import numpy as np
 
+    from ..model import band as bands
+    from ..model import folding, geometry, problem, topology
+    from ..model.band import Array, Band, State
+else:
+    np, bands = Later("numpy"), Later("ribbon_cli.model.band")
+    folding, geometry, problem, topology = (
+        Later(f"ribbon_cli.model.{name}") for name in ("folding", "geometry", "problem", "topology")
+    )
+
+WORD = "eversion"
 INFLECTIONS = 2
+QUARTERS = 4
+"""Steps of the half-turn that are kept, the first being the band cut, the last rejoined."""
+HALF_TURN = (
+    "cut along both rulings",
+    *(f"half turned {k}/{QUARTERS}" for k in range(1, QUARTERS)),
+    "halves rejoined",
+)
+"""The stages of the half-turn, in order."""
 
 
-@dataclass(frozen=True)
-class EversionStage:
-    """One auxiliary problem: stage `index` of `count`, both rulings turned by `angle` (radians).
-
-    The index is not whole where a step that failed was halved.
-    """
-
-    index: float
-    count: int
-    angle: float
-    prescription: Prescription
-
-    @property
-    def name(self) -> str:
-        """The stage in words."""
-        return f"eversion {self.index:.10g}/{self.count}"
-
-    def guard(self) -> Callable[[State], str | None]:
-        """Complain about states that have another linking number than the cylinder's."""
-
-        def check(state: State) -> str | None:
-            try:
-                lk = linking_number(state.u, state.g, state.band.sigma, state.band.h).linking_number
-            except ValueError:
-                return None  # not closed yet: between iterates sum u is not zero
-            return f"(Lk = {lk:.3f} in place of 0.)" if abs(lk) > 0.25 else None
-
-        return check
-
-
-def eversion_stages(segments: int, steps: int) -> Iterator[EversionStage]:
+def eversion_stages(segments: int, steps: int) -> Iterator[Turn]:
     """The auxiliary problems k = 0..steps, (3.6)-(3.8); k = 0 is the cylinder itself.
 
     Raises ValueError if `segments` is odd, so that no ruling is opposite the first, or steps is not positive.
@@ -61,16 +52,25 @@ def eversion_stages(segments: int, steps: int) -> Iterator[EversionStage]:
     if segments % 2 or steps < 1:
         raise ValueError("an eversion needs an even number of segments and at least one step")
     for k in range(steps + 1):
-        yield eversion_stage(segments, k, steps)
+        yield eversion_stage(segments, steps, k)
 
 
-def eversion_stage(segments: int, index: float, steps: int) -> EversionStage:
+def eversion_stage(segments: int, steps: int, index: float) -> Turn:
     """The auxiliary problem after `index` steps, whole or not, of so many."""
     angle = 0.5 * math.pi * index / steps
     # Exact at the end, so that the halves fit when one is turned.
     sine, cosine = (1.0, 0.0) if index == steps else (math.sin(angle), math.cos(angle))
     prescribed = {0: np.array([0.0, sine, cosine]), segments // 2: np.array([0.0, -sine, cosine])}
-    return EversionStage(index, steps, angle, Prescription(prescribed))
+    return Turn(WORD, index, steps, problem.Prescription(prescribed), _guard)
+
+
+def _guard(state: State) -> str | None:
+    """Complain about states that have another linking number than the cylinder's."""
+    try:
+        lk = topology.linking_number(state.u, state.g, state.band.sigma, state.band.h).linking_number
+    except ValueError:
+        return None  # not closed yet: between iterates sum u is not zero
+    return f"(Lk = {lk:.3f} in place of 0.)" if abs(lk) > 0.25 else None
 
 
 def rejoined(state: State) -> State:
@@ -80,7 +80,7 @@ def rejoined(state: State) -> State:
     run through the other way: u = -R u, while rulings only turn and xi stays.
     """
     pieces = turned(state, math.pi)
-    return State(state.band, pieces.u, pieces.g, pieces.xi)
+    return bands.State(state.band, pieces.u, pieces.g, pieces.xi)
 
 
 @dataclass(frozen=True)
@@ -127,10 +127,76 @@ def not_everted(state: State) -> str | None:
 
     The linking number does not tell the everted cylinder from the ring.
     """
-    theta = from_state(state).theta
+    theta = folding.from_state(state).theta
     side = np.sign(theta[np.abs(theta) > 1e-9 * np.abs(theta).max()])
     changes = int((side != np.roll(side, 1)).sum())
     if changes == INFLECTIONS:
         return None
     what = "the ring" if changes == 0 else "another shape"
     return f"(It is {what}: kappa changes sign {changes} times, where an everted cylinder has {INFLECTIONS}.)"
+
+
+def in_two_pieces(joined: State, pieces: Pieces) -> dict[str, Any]:
+    """What the record of a band in two pieces has in place of the joined one's.
+
+    Folds at the cuts do not exist: kappa_s, tau and eta are no numbers there, and their energy is left out.
+    Neither linking number nor clearance is defined.
+    """
+    half, nan = joined.band.segments // 2, float("nan")
+    whole = problem.Problem(joined.band)
+    shape = geometry.geometry(joined)
+    kappa, tau, eta = shape.kappa_s.copy(), shape.tau.copy(), shape.eta.copy()
+    kappa[[0, half]] = tau[[0, half]] = eta[[0, half]] = nan
+    terms = whole.energy_terms(joined.vector())
+    return {
+        "u": pieces.u,
+        "g": pieces.g,
+        "g_end": pieces.end,
+        "cut_node": half + 1,
+        "g_cut": pieces.cut,
+        "midline": pieces.midline,
+        "kappa_s": kappa,
+        "tau": tau,
+        "eta": eta,
+        "energy": float(terms.sum() - terms[0] - terms[half]),
+        "linking_number": nan,
+        "twist": nan,
+        "writhe": nan,
+        "self_contact": False,
+        "clearance": nan,
+    }
+
+
+def _half_turned(k: int, state: State | None) -> Made:
+    """The band cut, its second half turned by k quarters of a half-turn; after the last it is joined."""
+    assert state is not None
+    joined = rejoined(state)
+    if k == QUARTERS:
+        return Made(joined, "halves joined again")
+    pieces = turned(state, math.pi * k / QUARTERS)
+    return Made(joined, f"second half turned by {k}/{QUARTERS} of pi", in_two_pieces(joined, pieces))
+
+
+def _way(band: Band, _half_twists: int, settings: Settings) -> Way:
+    count = settings["steps"]
+    turn = partial(eversion_stage, band.segments, count)
+    turning = Turning("eversion, two prescribed rulings", cylinder(band), count, turn, first=0)
+    return Way("rejoined band freed", (turning, Making(HALF_TURN, _half_turned)))
+
+
+CARD = Recipe(
+    name="eversion",
+    about="a cylinder of which half is turned inside out",
+    half_twists="0",
+    fits=lambda n: n == 0,
+    passes="`eversion 0/K` to `eversion K/K`, `cut along both rulings`, `half turned 1/4` to `3/4`, "
+    "`halves rejoined`",
+    freed="everted cylinder freed",
+    way=_way,
+    stages=lambda settings: (
+        *(turn_name(WORD, k, settings["steps"]) for k in range(settings["steps"] + 1)),
+        *HALF_TURN,
+    ),
+    keys=(steps_key(25),),
+    segments=replace(SEGMENTS, even=True),
+)

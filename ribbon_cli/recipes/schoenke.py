@@ -18,12 +18,22 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-import numpy as np
-import scipy
+from ..doors import Later
+from .recipe import Made, Making, NotMadeError, Recipe, Settings, Way
 
-from ..model import folding
-from ..model.band import Array, Band, State
+if TYPE_CHECKING:
+    import numpy as np
+    import scipy
+
+    from ..model import folding, topology
+    from ..model.band import Array, Band, State
+else:
+    np, scipy = Later("numpy"), Later("scipy")
+    folding, topology = Later("ribbon_cli.model.folding"), Later("ribbon_cli.model.topology")
+
+STAGE = "construction"
 
 STEEPEST = 0.9
 """b |eta'| on the flat pieces of a narrow band; 1 is where rulings meet and xi is infinite."""
@@ -147,3 +157,44 @@ def _folds(piece: Unit, inflections: int, band: Band) -> tuple[Array, Array]:
         covered = np.minimum(s + 0.5 * h, start + piece.arc) - np.maximum(s - 0.5 * h, start)
         theta += (-1.0) ** unit_number * np.maximum(covered, 0.0)
     return theta * piece.curvature * math.sqrt(1.0 + piece.eta**2), eta
+
+
+def _made(band: Band, half_twists: int) -> Made:
+    advice = "its arcs are too short for these facets: take more segments, or a narrower band"
+    try:
+        state = schoenke(band, half_twists)
+    except folding.ClosureError as error:
+        raise NotMadeError(f"{error}; {advice}") from error
+    found = topology.linking_number(state.u, state.g, band.sigma, band.h).linking_number
+    if abs(found - 0.5 * half_twists) > 1e-6:
+        raise NotMadeError(f"closing it on this mesh makes Lk = {found:g}; {advice}")
+    return Made(state, f"n-inflection construction, n = {abs(half_twists)}")
+
+
+def _way(band: Band, half_twists: int, _settings: Settings) -> Way:
+    return Way("construction freed", (Making((STAGE,), lambda _k, _state: _made(band, half_twists)),))
+
+
+def _notes(half_twists: int, segments: int) -> tuple[str, ...]:
+    n = abs(half_twists)
+    if segments % n == 0:
+        return ()
+    return (
+        f"{segments} segments do not divide into {n} equal units: the {n} inflections sit unevenly on the "
+        f"grid, and there may be several minima next to each other; multiples of {n} avoid it",
+    )
+
+
+CARD = Recipe(
+    name="schoenke",
+    about="a construction of flat and cylindrical pieces, for 3 half-twists and more",
+    half_twists="3 or more, or -3 or less",
+    fits=lambda n: abs(n) >= 3,
+    passes="`construction`",
+    freed="construction freed",
+    way=_way,
+    stages=lambda _: (STAGE,),
+    fewest=lambda n: 8 * abs(n),
+    widest=lambda n: widest(abs(n), 1.0),
+    notes=_notes,
+)

@@ -15,58 +15,29 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING
 
-import numpy as np
+from ..doors import Later
+from .cylinder import cylinder
+from .recipe import Recipe, Settings, Turn, Turning, Way, steps_key, turn_name
 
-from ..model.band import Array, State
-from ..model.problem import Prescription
-from ..model.topology import open_turn
+if TYPE_CHECKING:
+    import numpy as np
 
-FIRST = np.array([0.0, 0.0, 1.0])
+    from ..model import problem, topology
+    from ..model.band import Array, Band, State
+else:
+    np, problem, topology = map(Later, ("numpy", "ribbon_cli.model.problem", "ribbon_cli.model.topology"))
+
+WORD = "twist"
+FIRST = (0.0, 0.0, 1.0)
+HANDEDNESS = -1.0
+"""The sense about v_1 in which a positive angle is right-handed: u_1 points along v_1."""
 TURNED_OVER = "(Beyond half a turn it turns over at the seam, and turned on it would untwist to another Lk.)"
 
 
-@dataclass(frozen=True)
-class TwistStage:
-    """One auxiliary problem: stage `index` of `count`, the seam turned by `angle` (signed, radians).
-
-    The index is not whole where a step that failed was halved.
-    """
-
-    index: float
-    count: int
-    angle: float
-    prescription: Prescription
-
-    @property
-    def name(self) -> str:
-        """The stage in words."""
-        return f"twist {self.index:.10g}/{self.count}"
-
-    @property
-    def beyond_half_a_turn(self) -> bool:
-        """Whether the seam is turned by more than pi, where turning over is the way down."""
-        return abs(self.angle) > math.pi
-
-    def guard(self) -> Callable[[State], str | None]:
-        """Complain about states that turned by something else than `angle`."""
-
-        def check(state: State) -> str | None:
-            if self.beyond_half_a_turn and state.u[0, 0] <= 0.0:
-                return TURNED_OVER
-            try:
-                turn = open_turn(state.u, state.g, state.band.h)
-            except ValueError:
-                return None  # not closed yet: between iterates sum u is not zero
-            if abs(turn - self.angle / (2 * math.pi)) > 0.25:
-                return f"Tw + Wr is {turn:.3f} where the seam was turned by {self.angle / (2 * math.pi):.3f}."
-            return None
-
-        return check
-
-
-def twist_stages(half_twists: int, steps: int) -> Iterator[TwistStage]:
+def twist_stages(half_twists: int, steps: int) -> Iterator[Turn]:
     """The auxiliary problems that turn the seam by half_twists * pi; positive is right-handed, Lk > 0.
 
     Raises ValueError if half_twists is zero or steps is not positive.
@@ -74,22 +45,57 @@ def twist_stages(half_twists: int, steps: int) -> Iterator[TwistStage]:
     if half_twists == 0 or steps < 1:
         raise ValueError("a twist needs at least one half-twist and one step")
     for k in range(1, steps + 1):
-        yield twist_stage(half_twists, k, steps)
+        yield twist_stage(half_twists, steps, k)
 
 
-def twist_stage(half_twists: int, index: float, steps: int) -> TwistStage:
+def twist_stage(half_twists: int, steps: int, index: float) -> Turn:
     """The auxiliary problem after `index` steps, whole or not, of so many."""
     angle = math.pi * half_twists * index / steps
     ruling = seam_ruling(angle, index == steps, half_twists)
-    return TwistStage(index, steps, angle, Prescription({0: FIRST}, ruling))
+    held = problem.Prescription({0: np.array(FIRST)}, ruling)
+    return Turn(WORD, index, steps, held, _guard(angle))
 
 
 def seam_ruling(angle: float, last: bool, half_twists: int) -> Array:
     """g_{N+1} at an angle; exactly +-v_3 at the end, so that the seam can close."""
     if last:
-        return FIRST * (-1.0) ** half_twists
+        return np.array(FIRST) * (-1.0) ** half_twists
     return np.array([0.0, HANDEDNESS * math.sin(angle), math.cos(angle)])
 
 
-HANDEDNESS = -1.0
-"""The sense about v_1 in which a positive angle is right-handed: u_1 points along v_1."""
+def _guard(angle: float) -> Callable[[State], str | None]:
+    """Complain about states that turned by something else than an angle, or turned over at the seam."""
+
+    def check(state: State) -> str | None:
+        if abs(angle) > math.pi and state.u[0, 0] <= 0.0:
+            return TURNED_OVER
+        try:
+            turn = topology.open_turn(state.u, state.g, state.band.h)
+        except ValueError:
+            return None  # not closed yet: between iterates sum u is not zero
+        if abs(turn - angle / (2 * math.pi)) > 0.25:
+            return f"Tw + Wr is {turn:.3f} where the seam was turned by {angle / (2 * math.pi):.3f}."
+        return None
+
+    return check
+
+
+def _way(band: Band, half_twists: int, settings: Settings) -> Way:
+    count = settings["steps"]
+    turn = partial(twist_stage, half_twists, count)
+    return Way("seam closed and freed", (Turning("twist, prescribed rulings", cylinder(band), count, turn),))
+
+
+CARD = Recipe(
+    name="twist",
+    about="a cylinder cut open, one end turned by half a turn, and closed again",
+    half_twists="1 or -1",
+    fits=lambda n: abs(n) == 1,  # beyond half a turn the band turns over at the seam
+    passes="`twist 1/K` to `twist K/K`",
+    freed="twisted band freed",
+    way=_way,
+    stages=lambda settings: tuple(
+        turn_name(WORD, k, settings["steps"]) for k in range(1, settings["steps"] + 1)
+    ),
+    keys=(steps_key(50),),
+)

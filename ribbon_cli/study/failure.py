@@ -32,8 +32,7 @@ _SENTENCES = {
     "solve": "{stage}: {message}",
     "state": "{stage}: {said}",
     "refinement": "{stage}: {message}: take more or fewer segments",
-    "construction": "{stage}: {message}; its arcs are too short for these facets: take more segments, or a "
-    "narrower band",
+    "construction": "{stage}: {message}",
     "located": "{stage}: not located, at b = {end:.12g}: {message}",
     "step": "a step from b = {start:.12g} to {end:.12g} failed: {message}",
     "width": "no step from b = {start:.12g} towards {end:.12g} succeeds. {message}",

@@ -8,15 +8,14 @@ from ..config import Config
 from ..facts import event
 from ..model.band import Band, Discretisation, State
 from ..model.problem import Problem
-from ..recipes.cylinder import cylinder
-from ..recipes.twist import twist_stage, twist_stages
+from ..recipes import RECIPES
+from ..recipes.recipe import Making, Way
 from ..solver.arclength import nearest
 from ..solver.newton import solve
 from ..solver.status import Result
 from ..store import Summary
 from .acceptance import converged
-from .auxiliary import Turning
-from .constructions import construct, evert
+from .auxiliary import Turner, make
 from .failure import Failure
 from .given import Given
 from .plan import start_kind, start_name, start_width
@@ -41,26 +40,25 @@ def freed_guess(walk: Walk, config: Config, given: Given | None) -> Summary | Fa
         -1 if config.half_twists % 2 else 1,
         Discretisation(config.discretisation),
     )
-    if guess.recipe == "schoenke":
-        made, method = construct(walk, band, config.half_twists), "construction freed"
-    else:
-        ring = cylinder(band)
-        if guess.recipe == "cylinder":
-            return _freed(walk, config, ring, None, "discrete cylinder, (3.4)-(3.5)")
-        count = guess.steps or 1
-        if guess.recipe == "eversion":
-            made, method = evert(walk, ring, count), "rejoined band freed"
-        else:
-            made, method = _twisted(walk, ring, config.half_twists, count), "seam closed and freed"
-    if isinstance(made, Failure):
-        return made
-    return _freed(walk, config, state_of(walk.journal.load(made)), made.label, method)
+    way = RECIPES[guess.recipe].way(band, config.half_twists, guess.settings)
+    if way.ready is not None:
+        return _freed(walk, config, way.ready, None, way.method)
+    end = _walked(walk, way, band)
+    if isinstance(end, Failure):
+        return end
+    return _freed(walk, config, state_of(walk.journal.load(end)), end.label, way.method)
 
 
-def _twisted(walk: Walk, ring: State, half_twists: int, count: int) -> Summary | Failure:
-    """The band twisted step by step."""
-    turning = Turning(walk, ring, "twist", lambda index: twist_stage(half_twists, index, count))
-    return turning.run(twist_stages(half_twists, count))
+def _walked(walk: Walk, way: Way, band: Band) -> Summary | Failure:
+    """The end of a recipe's way, part by part."""
+    end: Summary | None = None
+    for part in way.parts:
+        reached = make(walk, part, band, end) if isinstance(part, Making) else Turner(walk, part).run()
+        if isinstance(reached, Failure):
+            return reached
+        end = reached
+    assert end is not None
+    return end
 
 
 def _freed(

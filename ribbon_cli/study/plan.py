@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from ..config import Config
 from ..facts import same_width
+from ..recipes import RECIPES
 
 SECONDS_PER_STATE = 0.05
 SECONDS_PER_SEGMENT = 1.2e-4
@@ -40,19 +41,6 @@ class Plan:
 
 MOST_HALVINGS = 8
 """A step is given up when 1/256 of it fails too."""
-QUARTERS = 4
-"""Steps of the half-turn of an eversion that are kept, the first being the band cut, the last rejoined."""
-REJOINED = "halves rejoined"
-CONSTRUCTION = "construction"
-
-
-def turn_names() -> tuple[str, ...]:
-    """The stages of an eversion's half-turn, in order."""
-    return (
-        "cut along both rulings",
-        *(f"half turned {k}/{QUARTERS}" for k in range(1, QUARTERS)),
-        REJOINED,
-    )
 
 
 def visits(widths: Sequence[float]) -> list[tuple[float, int]]:
@@ -94,14 +82,8 @@ def refined_at(config: Config, half_width: float) -> tuple[int, ...]:
 
 def start_name(config: Config) -> str:
     """The stage that frees the initial guess."""
-    names = {
-        "twist": "twisted band freed",
-        "cylinder": "cylinder",
-        "eversion": "everted cylinder freed",
-        "schoenke": "construction freed",
-        "state": "given state",
-    }
-    return names[config.guess.recipe]
+    recipe = config.guess.recipe
+    return "given state" if recipe == "state" else RECIPES[recipe].freed
 
 
 def start_width(config: Config, half_width: float) -> float:
@@ -120,17 +102,8 @@ def plan_of(config: Config, given: tuple[float, int] | None = None) -> Plan:
     guess = config.guess
     half_width, first = given or (guess.half_width, guess.segments)
     half_width = None if half_width is None else start_width(config, half_width)
-    stages: list[PlannedStage] = []
-    if guess.recipe == "twist":
-        stages += [
-            PlannedStage(f"twist {k}/{guess.steps}", "auxiliary", half_width, first)
-            for k in range(1, (guess.steps or 0) + 1)
-        ]
-    if guess.recipe == "eversion":
-        names = [*(f"eversion {k}/{guess.steps}" for k in range((guess.steps or 0) + 1)), *turn_names()]
-        stages += [PlannedStage(name, "auxiliary", half_width, first) for name in names]
-    if guess.recipe == "schoenke":
-        stages.append(PlannedStage(CONSTRUCTION, "auxiliary", half_width, first))
+    names = () if guess.recipe == "state" else RECIPES[guess.recipe].stages(guess.settings)
+    stages = [PlannedStage(name, "auxiliary", half_width, first) for name in names]
     widths = config.widths
     kind = start_kind(config, half_width)
     named = kind == "equilibrium"
@@ -159,13 +132,10 @@ def plan_of(config: Config, given: tuple[float, int] | None = None) -> Plan:
 
 def guess_notes(config: Config) -> tuple[str, ...]:
     """What is worth knowing about an initial guess that is not wrong."""
-    n, segments = abs(config.half_twists), config.guess.segments
-    if config.guess.recipe != "schoenke" or segments is None or segments % n == 0:
+    recipe, segments = config.guess.recipe, config.guess.segments
+    if recipe == "state" or segments is None:
         return ()
-    return (
-        f"{segments} segments do not divide into {n} equal units: the {n} inflections sit unevenly on the "
-        f"grid, and there may be several minima next to each other; multiples of {n} avoid it",
-    )
+    return RECIPES[recipe].notes(config.half_twists, segments)
 
 
 def _cost(config: Config, stage: PlannedStage) -> float:

@@ -55,6 +55,22 @@ def saddle_result(problem: Problem, met: SaddleMet) -> Result:
     )
 
 
+def constructed(state: State) -> Result:
+    """A state that was made and not solved for, as a result; its multipliers are not numbers."""
+    problem, x = Problem(state.band), state.vector()
+    return Result(
+        Status.CONSTRUCTED,
+        x,
+        np.full(problem.rows, np.nan),
+        state,
+        problem.energy(x),
+        float("nan"),
+        float(np.abs(problem.constraints(x)).max()),
+        None,
+        0,
+    )
+
+
 def build_record(label: int, reached: Reached, clock: Clock, spectrum: SpectrumRequest | None) -> StateRecord:
     """The record of a reached state; `spectrum` says which modes to compute, None none."""
     problem, result = reached.problem, reached.result

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Literal
 
 from ..config import SpectrumRequest
-from ..config.recipes import SEGMENTS
 from ..errors import RibbonError, UsageError
 from ..facts import OTHER_MINIMA, same_width
+from ..keys import SEGMENTS
 from ..recipes.eversion import not_everted
 from ..store import Run, StateRecord, Summary, resolve_state
 from ..store.refs import meant

@@ -23,7 +23,7 @@ from ..model.contact import GRAZING_TOLERANCE
 from ..model.geometry import geometry
 from ..model.problem import LocalDerivatives, Prescription, Problem
 from ..model.topology import EXACT_TOLERANCE
-from ..recipes.eversion import Pieces, half_turn
+from ..recipes.eversion import Pieces, half_turn, in_two_pieces
 from ..solver.inertia import inertia
 from ..solver.kkt import FactorisationError, KKTMatrix
 from ..solver.linear import Factor
@@ -32,8 +32,7 @@ from ..solver.saddle_free import lagrangian_gradient
 from ..solver.status import STATIONARY, Result, Status
 from ..store import Run, StateRecord, find_run, list_runs, names_state, resolve_state
 from ..store.verification import Checked, Finding, check_file, check_folder, check_states
-from ..study.constructions import constructed, in_two_pieces
-from ..study.records import Reached, derive, multipliers_of, state_of
+from ..study.records import Reached, constructed, derive, multipliers_of, state_of
 from .branches import check_branch
 from .spectra import check_spectra, check_values
 

@@ -1,6 +1,7 @@
 """What a table of keys is made of: keys, and the kinds of values that they take.
 
-The table itself is `table.CONFIG`. The reader, the JSON Schema and the documentation's table follow from it.
+The table itself is `config.table.CONFIG`, of which each recipe has its part (`recipes/`). The reader, the
+JSON Schema and the documentation's table follow from it.
 """
 
 from __future__ import annotations
@@ -117,3 +118,7 @@ class Key:
     required: str = ""
     otherwise: str = ""
     examples: tuple[Any, ...] = ()
+
+
+SEGMENTS = Integer(8, 100_000)
+HALF_WIDTH = Number(unit="length")
