@@ -70,8 +70,14 @@ class Parameter:
 
     def weight(self, length: float) -> float:
         """The factor that makes a change of it a pure number, for a strip of some length."""
-        unit = length / (2.0 * math.pi)
-        return unit ** {"length": -1, "angle": 0, "curvature": 1, "force": 1, "gravity": 3}[self.kind]
+        if self.kind == "length":
+            return 2.0 * math.pi / length
+        return (length / (2.0 * math.pi)) ** {"angle": 0, "curvature": 1, "force": 1, "gravity": 3}[self.kind]
+
+    @property
+    def symbol(self) -> str:
+        """The name in sentences and stage names: `b` for the half-width."""
+        return "b" if self.name == HALF_WIDTH else self.name
 
 
 HALF_WIDTH = "half_width"

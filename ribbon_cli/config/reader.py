@@ -52,6 +52,11 @@ class Reader:
         self.length: float | None = None
         self._mistakes = mistakes
 
+    @property
+    def count(self) -> int:
+        """The number of mistakes so far."""
+        return len(self._mistakes.found)
+
     def report(self, node: Node, field: str, message: str) -> None:
         """Record a mistake at `node`."""
         self._mistakes.add(node.line, node.column, field, message)
@@ -106,7 +111,10 @@ class Reader:
         found.setdefault(meant, Node(key.line, key.column, "invalid"))
 
     def items(self, node: Node, field: str, takes: Items) -> Iterator[tuple[Node, str, Any]]:
-        """The items of a list, each with its field path and its value; none where there are none to read."""
+        """The items of a list, each with its field path and its value, None of a section.
+
+        There are none where there are none to read.
+        """
         if node.kind != "list":
             self.wrong(node, field, "must be a list")
         elif not node.items:
@@ -116,7 +124,7 @@ class Reader:
         else:
             for index, item in enumerate(node.items):
                 path = f"{field}[{index}]"
-                yield item, path, self.read(item, path, takes.of)
+                yield item, path, None if isinstance(takes.of, Section) else self.read(item, path, takes.of)
 
     def read(self, node: Node, field: str, takes: Takes) -> Any:
         """A value of the kind that a key takes; of a list its values, each once, in order."""
