@@ -12,6 +12,8 @@ from dataclasses import dataclass, field
 from string import Formatter
 from typing import Any
 
+from ribbon_cli.parts import HALF_WIDTH, PARAMETERS
+
 TOLERANCE = 1e-9
 """Relative difference up to which two half-widths are one; schedules come with rounding errors."""
 
@@ -19,6 +21,13 @@ TOLERANCE = 1e-9
 def same_width(a: float, b: float) -> bool:
     """Whether two half-widths are one."""
     return math.isclose(a, b, rel_tol=TOLERANCE)
+
+
+def same_value(name: str, a: float, b: float, length: float | None) -> bool:
+    """Whether two values of a parameter are one, of a strip of some length; half-widths as `same_width`."""
+    if name == HALF_WIDTH:
+        return same_width(a, b)
+    return math.isclose(a, b, rel_tol=TOLERANCE, abs_tol=TOLERANCE / PARAMETERS[name].weight(length or 1.0))
 
 
 _SADDLE = "met a saddle of index {index} at E = {energy:.12g}"

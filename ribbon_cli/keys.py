@@ -27,12 +27,16 @@ class Integer:
 
 @dataclass(frozen=True)
 class Number:
-    """A finite number > 0, not less than `low`, and less than `below`, which messages call `limit`."""
+    """A finite number > `above`, not less than `low`, less than `below`, which messages call `limit`, and at
+    most `high`.
+    """
 
     low: float = 0.0
     below: float | None = None
     limit: str = ""
     unit: str = ""
+    above: float | None = 0.0
+    high: float | None = None
 
 
 @dataclass(frozen=True)
@@ -40,6 +44,13 @@ class Word:
     """One of `choices`."""
 
     choices: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Vector:
+    """A list of three numbers, the components along x, y and z."""
+
+    of: Number
 
 
 @dataclass(frozen=True)
@@ -67,7 +78,7 @@ class Text:
 class Items:
     """A list of 1 to `at_most` items, each given `once` where that is asked for."""
 
-    of: Integer | Number | Word
+    of: Integer | Number | Word | Section
     at_most: int
     once: bool = False
 
@@ -85,11 +96,11 @@ class Section:
 class Either:
     """One of several kinds of values, told apart by what stands there; `expected` says which in a message."""
 
-    kinds: tuple[Items | Section, ...]
+    kinds: tuple[Number | Word | Items | Section, ...]
     expected: str = ""
 
 
-Takes = Integer | Number | Word | Flag | Text | Items | Section | Either
+Takes = Integer | Number | Word | Vector | Flag | Text | Items | Section | Either
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,16 @@ spectrum: {modes: 12, full_up_to: 200}
 contact: record
 """
 MINIMAL = "topology: {half_twists: 1}\ninitial_guess: {recipe: twist, segments: 50, half_width: 0.1}\n"
-KNOWN = "name, topology, length, discretisation, initial_guess, widths, refinement, spectrum or contact"
+STRIP = """\
+topology: open
+length: 1
+ends: {span: 0.75}
+initial_guess: {recipe: strip, segments: 50, half_width: 0.05}
+"""
+KNOWN = (
+    "name, topology, length, discretisation, ends, material, loads, initial_guess, widths, schedule, "
+    "refinement, spectrum or contact"
+)
 
 
 def problems_of(text: str, path: str = "mobius.yaml") -> list[str]:

@@ -7,7 +7,7 @@ from typing import Any
 
 from ribbon_cli.config.json_schema import schema
 from ribbon_cli.config.table import CONFIG
-from ribbon_cli.keys import Either, Flag, Integer, Items, Key, Number, Section, Takes, Word
+from ribbon_cli.keys import Either, Flag, Integer, Items, Key, Number, Section, Takes, Vector, Word
 
 
 def keys() -> Iterator[tuple[str, Key, dict[str, Any]]]:
@@ -48,8 +48,12 @@ def _default(key: Key) -> str:
     if key.required or key.default is None:
         return "required" if key.required else key.otherwise
     value = key.default
-    text = f"[{', '.join(value)}]" if isinstance(value, tuple) else str(value)
+    text = f"[{', '.join(_short(part) for part in value)}]" if isinstance(value, tuple) else str(value)
     return f"`{text.lower() if isinstance(value, bool) else text}`"
+
+
+def _short(value: object) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def _takes(takes: Takes) -> str:
@@ -57,9 +61,15 @@ def _takes(takes: Takes) -> str:
         case Integer():
             return takes.expected.partition(" ")[2]
         case Number():
-            low = f"number from {takes.low:g}" if takes.low else "number > 0"
+            if takes.above is None:
+                return "number"
+            inclusive = takes.low > takes.above
+            low = f"number from {takes.low:g}" if inclusive else f"number > {takes.above:g}"
             high = "" if takes.below is None else f", < {takes.below:g}"
+            high += "" if takes.high is None else f", up to {takes.high:g}"
             return f"{low}{high}".replace("e-0", "e-").replace("e+0", "e")
+        case Vector():
+            return "list of three numbers"
         case Word():
             return ", ".join(f"`{choice}`" for choice in takes.choices)
         case Flag():

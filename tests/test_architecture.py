@@ -22,7 +22,7 @@ RANKS = {
     "errors": 0,
     "digits": 0,
     "facts": 0,
-    "parts": 0,
+    "parts": -1,  # what facts are about
     "doors": 0,
     "keys": 0,
     "expression": 0,

@@ -46,7 +46,7 @@ def schoenke(half_twists: int, segments: int, half_width: float) -> str:
         (changed("0.2, 0.5,", "0.2, -0.5,"), "mobius.yaml:6:20: widths[2]: must be > 0, got -0.5"),
         (
             changed("recipe: twist", "recipe: twits"),
-            "mobius.yaml:5:25: initial_guess.recipe: must be cylinder, twist, eversion or schoenke, "
+            "mobius.yaml:5:25: initial_guess.recipe: must be cylinder, twist, eversion, schoenke or strip, "
             "got twits, did you mean twist?",
         ),
         (
@@ -171,7 +171,8 @@ def schoenke(half_twists: int, segments: int, half_width: float) -> str:
         ),
         (
             changed("{half_twists: 1}", "1"),
-            "mobius.yaml:2:11: topology: must be a mapping {half_twists: ...}, got 1",
+            "mobius.yaml:2:11: topology: must be {half_twists: 1} for a closed band, or open for a strip, "
+            "got 1",
         ),
         (
             changed("{half_twists: 1}", "{}"),
@@ -185,7 +186,7 @@ def schoenke(half_twists: int, segments: int, half_width: float) -> str:
         (
             changed("recipe: twist, ", ""),
             "mobius.yaml:5:16: initial_guess.recipe: is missing: "
-            "give cylinder, twist, eversion, schoenke, or start from a state: {state: ...}",
+            "give cylinder, twist, eversion, schoenke, strip, or start from a state: {state: ...}",
         ),
         (
             changed("half_width: 0.1", "half_width: 7"),
@@ -379,7 +380,8 @@ def test_all_problems_at_once_in_the_order_of_the_file() -> None:
 
 def test_missing_sections_are_named() -> None:
     assert problems_of("name: x\n") == [
-        "mobius.yaml:1:1: topology: is missing: give {half_twists: 1} for a Moebius band, 0 for a cylinder",
+        "mobius.yaml:1:1: topology: is missing: "
+        "give {half_twists: 1} for a Moebius band, 0 for a cylinder, open for a strip",
         "mobius.yaml:1:1: initial_guess: is missing: "
         "give a recipe, as {recipe: twist, segments: 50, half_width: 0.1}",
     ]

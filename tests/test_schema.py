@@ -13,7 +13,7 @@ import pytest
 import test_config_messages as messages
 import yaml
 from cli_support import QUICK_BRANCH, QUICK_MOBIUS, QUICK_RING, QUICK_SCHOENKE, ribbon, ribbon_json
-from config_samples import GOOD, MINIMAL
+from config_samples import GOOD, MINIMAL, STRIP
 from config_table import keys, rows
 from jsonschema import Draft7Validator
 from test_faults_configs import damaged, invented
@@ -151,7 +151,14 @@ def test_an_editor_is_told_what_is_expected() -> None:
     assert properties["length"]["default"] == "2*pi"
     assert properties["length"]["patternErrorMessage"] == "must be a number such as 0.5, 1e-3, 2*pi or pi/30"
     recipes = properties["initial_guess"]["oneOf"]
-    assert [kind["title"] for kind in recipes] == ["cylinder", "twist", "eversion", "schoenke", "a state"]
+    assert [kind["title"] for kind in recipes] == [
+        "cylinder",
+        "twist",
+        "eversion",
+        "schoenke",
+        "strip",
+        "a state",
+    ]
     assert "steps" not in recipes[0]["properties"]
     assert recipes[1]["properties"]["steps"]["default"] == 50
 
@@ -287,13 +294,23 @@ def test_a_default_is_what_stands_for_its_key() -> None:
     spelled: dict[str, Any] = json.loads(json.dumps(plain))
     defaults = {path: key.default for path, key, _ in keys() if key.default is not None}
     del defaults["initial_guess.steps"]  # those of the recipes: each in a line of its own below
+    strips: dict[str, dict[str, Any]] = {"ends": {}, "loads": {}}
+    for path in [path for path in defaults if path.startswith(("ends.", "loads."))]:
+        section, _, name = path.partition(".")
+        value = defaults.pop(path)
+        strips[section][name] = list(value) if isinstance(value, tuple) else value
     for path, value in defaults.items():
         *sections, name = path.split(".")
         place = spelled
         for section in sections:
             place = place.setdefault(section, {})
         place[name] = list(value) if isinstance(value, tuple) else value
-    assert len(defaults) == 11
+    assert len(defaults) == 13
+    of_strips = yaml.safe_load(STRIP)
+    for section, values in strips.items():
+        of_strips[section] = of_strips.get(section, {}) | values
+    as_yaml = yaml.safe_dump(of_strips)
+    assert parse_config(as_yaml, "m.yaml").hash8() == parse_config(STRIP, "m.yaml").hash8()
     as_yaml = yaml.safe_dump(spelled)
     assert parse_config(as_yaml, "m.yaml").hash8() == parse_config(yaml.safe_dump(plain), "m.yaml").hash8()
     for name, steps in (("twist", 50), ("eversion", 25)):

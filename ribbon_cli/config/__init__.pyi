@@ -10,6 +10,7 @@ from .types import STOPS as STOPS
 from .types import Arclength as Arclength
 from .types import Config as Config
 from .types import Guess as Guess
+from .types import Leg as Leg
 from .types import Refinement as Refinement
 from .types import SpectrumRequest as SpectrumRequest
 from .types import dump_resolved as dump_resolved

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 from ribbon_cli.config.document import Node
 from ribbon_cli.config.reader import Reader
+from ribbon_cli.config.strips import Topology
 from ribbon_cli.config.table import GUESS, RECIPE, STATE, STATE_FILES
 from ribbon_cli.config.types import Guess
 from ribbon_cli.keys import Section
@@ -16,7 +17,7 @@ from ribbon_cli.recipes import RECIPES
 _NO_GUESS = Guess("")
 
 
-def initial_guess(reader: Reader, node: Node | None, half_twists: int | None, folder: str) -> Guess:
+def initial_guess(reader: Reader, node: Node | None, half_twists: Topology, folder: str) -> Guess:
     """The initial guess, without what is wrong in it. `folder` is the config file's own."""
     if node is None:
         return _NO_GUESS
@@ -31,7 +32,7 @@ def initial_guess(reader: Reader, node: Node | None, half_twists: int | None, fo
     return _recipe(reader, node, given.get("recipe", ""), half_twists)
 
 
-def _recipe(reader: Reader, node: Node, named: str, half_twists: int | None) -> Guess:
+def _recipe(reader: Reader, node: Node, named: str, half_twists: Topology) -> Guess:
     """A recipe with its settings; of a recipe that there is not, the settings of all are known."""
     name = named if named in RECIPES else ""
     recipes = [RECIPES[name]] if name else list(RECIPES.values())
@@ -53,6 +54,8 @@ def _recipe(reader: Reader, node: Node, named: str, half_twists: int | None) -> 
     if misfit := _misfit(name, half_twists):
         found.report("recipe", misfit)
         return guess
+    if isinstance(half_twists, str):
+        return guess
     recipe, bands = RECIPES[name], f"{name} with {abs(half_twists)} half-twists"
     fewest, widest = recipe.fewest(half_twists), recipe.widest(half_twists) * (reader.length or math.inf)
     if guess.segments is not None and guess.segments < fewest:
@@ -63,16 +66,23 @@ def _recipe(reader: Reader, node: Node, named: str, half_twists: int | None) -> 
     return guess
 
 
-def _misfit(name: str, half_twists: int) -> str | None:
-    """Why the recipe cannot make a band with so many half-twists, and which can; None if it can."""
-    recipe = RECIPES[name]
-    if recipe.fits(half_twists):
+def _misfit(name: str, topology: int | str) -> str | None:
+    """Why the recipe cannot make a strip, or so many half-twists, and which can; None if it can."""
+
+    def fits(other: str) -> bool:
+        recipe = RECIPES[other]
+        return recipe.open if isinstance(topology, str) else not recipe.open and recipe.fits(topology)
+
+    if fits(name):
         return None
-    others = [other for other, rule in RECIPES.items() if rule.fits(half_twists)]
+    recipe, others = RECIPES[name], list(filter(fits, RECIPES))
     hint = (
         f"take {' or '.join(others)}" if others else "no recipe makes these: start from a state, {state: ...}"
     )
-    needs = f"needs half_twists {recipe.half_twists}, got {half_twists}"
+    needs = "needs topology open" if recipe.open else f"needs half_twists {recipe.half_twists}"
+    needs += (
+        f", got {topology if isinstance(topology, str) or not recipe.open else f'half_twists {topology}'}"
+    )
     return f"{name} does not fit the topology: {needs}; {hint}"
 
 

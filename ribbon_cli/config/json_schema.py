@@ -14,7 +14,19 @@ from typing import Any
 from ribbon_cli.config.reader import NUMBER
 from ribbon_cli.config.table import CONFIG
 from ribbon_cli.expression import MAX_CHARACTERS, PATTERN
-from ribbon_cli.keys import Either, Flag, Integer, Items, Key, Number, Section, Takes, Text, Word
+from ribbon_cli.keys import (
+    Either,
+    Flag,
+    Integer,
+    Items,
+    Key,
+    Number,
+    Section,
+    Takes,
+    Text,
+    Vector,
+    Word,
+)
 
 SCHEMA_FILE = "ribbon.schema.json"
 """What templates call the schema's file, which lies beside the config."""
@@ -38,6 +50,8 @@ def _of(takes: Takes) -> dict[str, Any]:
             return {"type": "integer", "minimum": takes.low, "maximum": takes.high, **even}
         case Number():
             return _number(takes)
+        case Vector():
+            return {"type": "array", "items": _of(takes.of), "minItems": 3, "maxItems": 3}
         case Word():
             return {"enum": list(takes.choices)}
         case Flag():
@@ -62,8 +76,10 @@ def _of(takes: Takes) -> dict[str, Any]:
 
 def _number(takes: Number) -> dict[str, Any]:
     """A number, or a text that spells one; only the size of numbers can be told by a schema."""
-    low = {"minimum": takes.low} if takes.low else {"exclusiveMinimum": 0}
+    inclusive = takes.above is None or takes.low > takes.above
+    low = {"minimum": takes.low} if inclusive else {"exclusiveMinimum": takes.above}
     high = {} if takes.below is None else {"exclusiveMaximum": takes.below}
+    high |= {} if takes.high is None else {"maximum": takes.high}
     return {
         "type": ["number", "string"],
         **low,

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import math
 import os
 from pathlib import Path
 
-from ribbon_cli.config import sections
+from ribbon_cli.config import sections, strips
 from ribbon_cli.config.document import MAX_BYTES, Node, position, read_document
 from ribbon_cli.config.guess import initial_guess
 from ribbon_cli.config.mistakes import Mistakes, near_miss, shown
 from ribbon_cli.config.reader import Reader
-from ribbon_cli.config.table import CONFIG, NAME, SPECTRUM, TOPOLOGY
-from ribbon_cli.config.types import Arclength, Config, SpectrumRequest
+from ribbon_cli.config.schedule import half_widths_of, schedule
+from ribbon_cli.config.table import CONFIG, NAME, SPECTRUM
+from ribbon_cli.config.types import Arclength, Config, Leg, SpectrumRequest
 
 
 def load_config(path: str | os.PathLike[str]) -> Config:
@@ -41,29 +43,41 @@ def parse_config(text: str, path: str | os.PathLike[str]) -> Config:
     found = reader.section(root, "", CONFIG)
     top = found.nodes
     name = found.read("name") if "name" in top else _stem(reader, root, path)
-    half_twists: int | None = None
-    if "topology" in top:
-        half_twists = reader.section(top["topology"], "topology", TOPOLOGY).read("half_twists")
+    kind = strips.topology(reader, top.get("topology"))
     reader.length = found.read("length")
-    guess = initial_guess(reader, top.get("initial_guess"), half_twists, os.path.dirname(path))
-    given = sections.widths(reader, top.get("widths"), guess)
-    branch = given if isinstance(given, Arclength) else None
-    widths = () if isinstance(given, Arclength) else given
-    refinement = sections.refinement(reader, top.get("refinement"), guess, widths)
-    if branch and len(refinement.levels) > 1:
+    guess = initial_guess(reader, top.get("initial_guess"), kind, os.path.dirname(path))
+    parts = strips.parts(reader, root, found, kind)
+    if parts is not None and guess.recipe == "strip":
+        strips.report_not_planar(reader, found, parts)
+    widths: tuple[float, ...] | None = ()
+    legs: tuple[Leg, ...] = ()
+    branch: Arclength | None = None
+    if "schedule" not in top:
+        given = sections.widths(reader, top.get("widths"), guess)
+        if isinstance(given, Arclength):
+            branch = given
+        else:
+            widths = given
+    elif "widths" in top:
+        found.report("schedule", "cannot stand beside widths, its short form: keep one of the two")
+    elif parts is not None:
+        legs, branch = schedule(reader, top["schedule"], kind, parts, guess.half_width or math.nan)
+    ends = half_widths_of(legs, guess.half_width) if legs else widths
+    refinement = sections.refinement(reader, top.get("refinement"), guess, ends)
+    if branch and not legs and len(refinement.levels) > 1:
         found.report("refinement", "a branch is followed on one level: leave it out, use `ribbon refine`")
-    if guess.keep_saddle and not branch:
+    if guess.keep_saddle and (legs or not branch):
         keep = "keep goes with a branch, widths: {arclength: {to: ...}}: other schedules pass among minima"
         reader.report(top["initial_guess"], "initial_guess.saddle", keep)
     spectrum = SpectrumRequest()
     if "spectrum" in top:
         spectrum = SpectrumRequest(**reader.section(top["spectrum"], "spectrum", SPECTRUM).values())
     discretisation, contact = found.read("discretisation"), found.read("contact")
-    if mistakes.found or half_twists is None or reader.length is None or widths is None:
+    if mistakes.found or kind is None or reader.length is None or widths is None or parts is None:
         raise mistakes.error()
     return Config(
         name=name,
-        half_twists=half_twists,
+        half_twists=0 if isinstance(kind, str) else kind,
         length=reader.length,
         discretisation=discretisation,
         guess=guess,
@@ -74,6 +88,8 @@ def parse_config(text: str, path: str | os.PathLike[str]) -> Config:
         text=text,
         path=path,
         arclength=branch,
+        parts=parts,
+        schedule=legs,
     )
 
 

@@ -10,7 +10,7 @@ from typing import Any
 from ribbon_cli.config.document import Node
 from ribbon_cli.config.mistakes import Mistakes, near_miss, shown
 from ribbon_cli.expression import ExpressionError, evaluate
-from ribbon_cli.keys import Flag, Integer, Items, Number, Section, Takes, Text, Word
+from ribbon_cli.keys import Flag, Integer, Items, Number, Section, Takes, Text, Vector, Word
 
 _INTEGER = re.compile(r"[+-]?(?:0|[1-9][0-9]{0,17})")
 _BOOLEANS = frozenset({"yes", "no", "true", "false", "on", "off"})  # to YAML 1.1
@@ -51,6 +51,11 @@ class Reader:
     def __init__(self, mistakes: Mistakes) -> None:
         self.length: float | None = None
         self._mistakes = mistakes
+
+    @property
+    def count(self) -> int:
+        """The number of mistakes so far."""
+        return len(self._mistakes.found)
 
     def report(self, node: Node, field: str, message: str) -> None:
         """Record a mistake at `node`."""
@@ -106,7 +111,10 @@ class Reader:
         found.setdefault(meant, Node(key.line, key.column, "invalid"))
 
     def items(self, node: Node, field: str, takes: Items) -> Iterator[tuple[Node, str, Any]]:
-        """The items of a list, each with its field path and its value; none where there are none to read."""
+        """The items of a list, each with its field path and its value, None of a section.
+
+        There are none where there are none to read.
+        """
         if node.kind != "list":
             self.wrong(node, field, "must be a list")
         elif not node.items:
@@ -116,7 +124,7 @@ class Reader:
         else:
             for index, item in enumerate(node.items):
                 path = f"{field}[{index}]"
-                yield item, path, self.read(item, path, takes.of)
+                yield item, path, None if isinstance(takes.of, Section) else self.read(item, path, takes.of)
 
     def read(self, node: Node, field: str, takes: Takes) -> Any:
         """A value of the kind that a key takes; of a list its values, each once, in order."""
@@ -134,6 +142,8 @@ class Reader:
                 return self._text(node, field, takes)
             case Items():
                 return self._ordered(node, field, takes)
+            case Vector():
+                return self._vector(node, field, takes)
         raise TypeError(f"{field}: holds values of its own")
 
     def _ordered(self, node: Node, field: str, takes: Items) -> tuple[Any, ...] | None:
@@ -151,6 +161,16 @@ class Reader:
             return None
         return tuple(sorted(chosen, key=takes.of.choices.index if isinstance(takes.of, Word) else None))
 
+    def _vector(self, node: Node, field: str, takes: Vector) -> tuple[float, ...] | None:
+        if node.kind != "list" or len(node.items) != 3:
+            found = f"a list of {len(node.items)}" if node.kind == "list" else got(node)
+            if node.kind != "invalid":
+                self.report(node, field, f"must be a list of three numbers, as [0, -1, 0], got {found}")
+            return None
+        values = [self._number(item, f"{field}[{k}]", takes.of) for k, item in enumerate(node.items)]
+        known = tuple(value for value in values if value is not None)
+        return known if len(known) == len(values) else None
+
     def _number(self, node: Node, field: str, takes: Number) -> float | None:
         below, limit = takes.below, takes.limit
         if takes.unit:
@@ -166,14 +186,17 @@ class Reader:
         except ExpressionError as error:
             self.report(node, field, f"must be {NUMBER}, got {got(node)} ({error})")
             return None
-        if value <= 0.0:
-            self.wrong(node, field, "must be > 0")
+        if takes.above is not None and value <= takes.above:
+            self.wrong(node, field, f"must be > {takes.above:g}")
             return None
         if value < takes.low:
             self.wrong(node, field, f"must be at least {takes.low:g}")
             return None
         if below is not None and value >= below:
-            self.wrong(node, field, f"must be < {below:g}, {limit}")
+            self.wrong(node, field, f"must be < {below:g}" + (f", {limit}" if limit else ""))
+            return None
+        if takes.high is not None and value > takes.high:
+            self.wrong(node, field, f"must be at most {takes.high:g}")
             return None
         return value
 

@@ -12,7 +12,7 @@ from itertools import combinations, pairwise
 from typing import Any
 
 from ribbon_cli.config.document import Node
-from ribbon_cli.config.reader import Reader, close, got
+from ribbon_cli.config.reader import Found, Reader, close, got
 from ribbon_cli.config.table import (
     ARCLENGTH,
     BRANCH,
@@ -24,6 +24,8 @@ from ribbon_cli.config.table import (
     WIDTHS,
 )
 from ribbon_cli.config.types import Arclength, Guess, Refinement
+from ribbon_cli.facts import same_value
+from ribbon_cli.parts import HALF_WIDTH
 
 ListItems = Iterable[tuple[Node, str, Any]]
 """What `Reader.items` gives."""
@@ -52,14 +54,21 @@ def _branch(reader: Reader, node: Node, guess: Guess) -> Arclength:
     refused = "does not go with arclength: give it inside of arclength"
     outer = reader.section(node, "widths", BRANCH, dict.fromkeys((key.name for key in RANGE.keys), refused))
     found = reader.section(outer.nodes["arclength"], "widths.arclength", ARCLENGTH)
+    return branch_of(found, "the guess's half_width", guess.half_width, reader.length)
+
+
+def branch_of(found: Found, begins: str, start: float | None, length: float | None) -> Arclength:
+    """A branch from a start, called `begins` in messages, which its ends must differ from."""
     branch = Arclength(**found.values())
+    name = branch.parameter or HALF_WIDTH
     if branch.both and "back_to" not in found.nodes:
-        found.report("both", "needs back_to, the half-width to go to the other way")
-    named = {"the guess's half_width": guess.half_width, "to": branch.to, "back_to": branch.back_to}
-    for (first, one), (second, other) in combinations(named.items() if branch.to else (), 2):
+        what = "half-width" if name == HALF_WIDTH else name
+        found.report("both", f"needs back_to, the {what} to go to the other way")
+    named = {begins: start, "to": branch.to, "back_to": branch.back_to}
+    for (first, one), (second, other) in combinations(named.items() if branch.to is not None else (), 2):
         # A branch that comes back may end at the width it began at.
         apart = second == "to" or first == "to"
-        if apart and one is not None and other is not None and close(one, other):
+        if apart and one is not None and other is not None and same_value(name, one, other, length):
             found.report(second, f"must differ from {first}, got {got(found.nodes[second])}")
     return branch
 

@@ -20,8 +20,10 @@ from ribbon_cli.keys import (
     Number,
     Section,
     Text,
+    Vector,
     Word,
 )
+from ribbon_cli.parts import FINISHES, PARAMETERS, STARTS, Ends, Loads
 from ribbon_cli.recipes import RECIPES
 
 STATE_FILES = (".npz", ".h5")
@@ -34,6 +36,9 @@ NAME = Text(
     64,
 )
 WIDTH_LIST = Items(HALF_WIDTH, 10_000)
+SIGNED = Number(-1e9, above=None, high=1e9)
+VALUES = {name: HALF_WIDTH if name == "half_width" else SIGNED for name in PARAMETERS}
+"""What each parameter may be."""
 LEVEL_LIST = Items(SEGMENTS, 20)  # more doublings than lie between the fewest and the most segments
 
 # fmt: off
@@ -52,14 +57,25 @@ RANGE = Section((
     Key("steps", Integer(1, WIDTH_LIST.at_most - 1), "number of equal steps",
         required="the number of steps"),
 ), about="half-widths at equal distances")
-ARCLENGTH = Section((
-    Key("to", HALF_WIDTH,
-        "half-width to go towards; the branch ends where b leaves the range of this, the start's and "
-        "`back_to`", required="the half-width to go towards"),
-    Key("back_to", HALF_WIDTH, "the other end of the range"),
-    Key("both", Flag(), "go the other way too, to `back_to`", Arclength.both),
-    Key("at", Items(HALF_WIDTH, 1000, once=True),
-        "half-widths to meet exactly, each time that the branch passes them; they become equilibria"),
+
+
+
+def arclength(value: Number, noun: str, *more: Key) -> Section:
+    """The keys of a branch in a parameter that takes such values."""
+    return Section((
+        *more,
+        Key("to", value,
+            f"{noun} to go towards; the branch ends where it leaves the range of this, the start's and "
+            "`back_to`", required=f"the {noun} to go towards"),
+        Key("back_to", value, "the other end of the range"),
+        Key("both", Flag(), "go the other way too, to `back_to`", Arclength.both),
+        Key("at", Items(value, 1000, once=True),
+            f"{noun}s to meet exactly, each time that the branch passes them; they become equilibria"),
+        *_ALONG,
+    ))
+
+
+_ALONG = (
     Key("max_step", Number(below=1.0, limit="the longest step along a branch"),
         "longest step, in the root mean square change of tangents and rulings", Arclength.max_step),
     Key("steps", Integer(1, 100_000), "steps at most, on each branch", Arclength.steps),
@@ -67,7 +83,13 @@ ARCLENGTH = Section((
     Key("switch", Integer(0, 5),
         "follow the branches that cross at branch points too, to both sides, so many times over",
         Arclength.switch),
-))
+)
+ARCLENGTH = arclength(HALF_WIDTH, "half-width")
+PARAMETER = Key("parameter", Word(tuple(PARAMETERS)), "parameter that the branch is followed in",
+                Arclength.parameter)
+ARCLENGTHS = {name: arclength(VALUES[name], "half-width" if name == "half_width" else "value", PARAMETER)
+              for name in PARAMETERS}
+"""A branch in each parameter."""
 BRANCH = Section((
     Key("arclength", ARCLENGTH, "follow the branch through the first state, around its folds"),
 ), about="pseudo-arclength continuation in the half-width")
@@ -76,6 +98,42 @@ LEVELS_AT = Section((
     # Any number: what the widths do not hold is said of it whatever its size.
     Key("at", Items(Number(), WIDTH_LIST.at_most, once=True), "half-widths that are refined",
         otherwise="all"),
+))
+STEPPED = {name: Section((
+    Key("to", value, f"the {name} to go to", required=f"the {name} to go to"),
+    Key("steps", Integer(1, 10_000), "number of equal steps", otherwise="as the solver needs"),
+)) for name, value in VALUES.items()}
+LEG = Section((
+    *(Key(name, Either((value, STEPPED[name]), "a value, or {to: ..., steps: ...}"), PARAMETERS[name].meaning)
+      for name, value in VALUES.items()),
+    Key("arclength", Section(ARCLENGTHS["span"].keys, about="of the last leg"),
+        "follow the branch in one parameter, around its folds"),
+), about="parameters that move together from where they are")
+LEGS = Items(LEG, 1000)
+ENDS = Section((
+    Key("start", Word(STARTS), "how the start is held", Ends.start),
+    Key("end", Word(FINISHES), "how the end is held: a hinge is free to turn about the ruling", Ends.end),
+    Key("span", SIGNED, "place of the end along the start's tangent", otherwise="required, unless free"),
+    Key("lift", SIGNED, "its place across the start's tangent and ruling", 0),
+    Key("shear", SIGNED, "its place along the start's ruling", 0),
+    Key("twist", SIGNED, "turn of the end's frame about the start's tangent", 0),
+    Key("tilt", SIGNED, "turn of the end's frame about the ruling, before the twist", 0),
+    Key("start_eta", SIGNED, "cotangent of the angle between ruling and tangent at the start", 0),
+    Key("end_eta", SIGNED, "cotangent of the angle between ruling and tangent at the end", 0),
+))
+MATERIAL = Section((
+    Key("natural_curvature", SIGNED, "curvature of the midline without loads", 0),
+    Key("poisson", Number(-1.0, above=-1.0, high=0.5),
+        "Poisson's ratio; it matters with a natural curvature alone", 0),
+))
+LOADS = Section((
+    Key("gravity", SIGNED, "weight per area", 0),
+    Key("gravity_direction", Vector(SIGNED), "direction of the weight, of any length",
+        Loads.gravity_direction),
+    Key("end_force", Vector(SIGNED), "dead force on the end's midpoint", Loads.end_force),
+    Key("point_force", Vector(SIGNED), "dead force on a point of the midline", Loads.point_force),
+    Key("point_at", Number(below=1.0, limit="the midline's end"),
+        "where it acts: a part of the length, from the start", Loads.point_at),
 ))
 TOPOLOGY = Section((
     Key("half_twists", Integer(-100, 100), "n half-twists, Lk = n/2, the sign is the handedness",
@@ -100,13 +158,18 @@ SPECTRUM = Section((
 ))
 CONFIG = Section((
     Key("name", NAME, "name of the run", otherwise="the file's stem"),
-    Key("topology", TOPOLOGY, "kind of closed band",
-        required="{half_twists: 1} for a Moebius band, 0 for a cylinder"),
+    Key("topology", Either((TOPOLOGY, Word(("open",)))), "kind of closed band; or an open strip",
+        required="{half_twists: 1} for a Moebius band, 0 for a cylinder, open for a strip",
+        examples=({"half_twists": 1}, "open")),
     Key("length", Number(1e-9, 1e9, "the limit for a length"),  # far from overflow, and so are its powers
         "length of the midline", "2*pi"),
     Key("discretisation", Word(("thesis", "value-average")),
         "the energy's quadrature: F at the average of ξ, as published; or the average of F, which has a "
         "smaller error and no checkerboard modes", "thesis"),
+    Key("ends", ENDS, "how a strip is held: x is along the start's tangent, z along its ruling, y = z × x; "
+        "angles in radians", otherwise="required for a strip"),
+    Key("material", MATERIAL, "what the strip is made of"),
+    Key("loads", LOADS, "dead loads on a strip, in the start's frame"),
     Key("initial_guess", GUESS,
         "where the first state comes from: a recipe with its settings, or a stored state",
         required="a recipe, as {recipe: twist, segments: 50, half_width: 0.1}",
@@ -115,6 +178,10 @@ CONFIG = Section((
         "half-widths b in the order of solving (back to one of them is a new solve); or a range of them; "
         "or a branch", otherwise="the guess's",
         examples=([0.1, 0.2, 0.5], {"from": 0.1, "to": 1.5, "steps": 28}, {"arclength": {"to": 0.2}})),
+    Key("schedule", LEGS,
+        "legs, in place of `widths`: each moves the parameters that it names, together, from where they are; "
+        "the last may be a branch",
+        examples=([{"shear": {"to": 0.3, "steps": 15}}, {"half_width": 0.1}],)),
     Key("refinement", REFINEMENT,
         "numbers of segments N, the guess's first and each double the one before; or these with the "
         "widths that are refined", otherwise="the guess's N",

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import yaml
+
+from ribbon_cli.parts import CLOSED, HALF_WIDTH, Ends, Loads, Material, Parts
 
 METRICS = ("euclidean", "physical")
 
@@ -65,7 +68,7 @@ STOPS = ("fold", "stability-lost", "contact")
 
 @dataclass(frozen=True)
 class Arclength:
-    """What a branch is followed for, by pseudo-arclength continuation in the half-width b.
+    """What a branch is followed for, by pseudo-arclength continuation in a `parameter`, the half-width b.
 
     It begins towards `to`, with `both` also the other way, and ends where b leaves the range of the start's
     width, `to` and `back_to`; at the first of the events in `stop_at`; or after `steps`. The widths `at`
@@ -81,15 +84,45 @@ class Arclength:
     steps: int = 500
     stop_at: tuple[str, ...] = ()
     switch: int = 0
+    parameter: str = HALF_WIDTH
+
+
+@dataclass(frozen=True)
+class Leg:
+    """Parameters that move together, from where they are to the values `to`.
+
+    It takes `steps` equal steps, each of which ends in a state that is asked for; None: one step, which the
+    solver divides as it needs.
+    """
+
+    to: Mapping[str, float]
+    steps: int | None = None
+
+    def targets(self, here: Mapping[str, float]) -> list[dict[str, float]]:
+        """The values at the end of each step; `here` holds those that the leg begins at."""
+        count = self.steps or 1
+        parts = [
+            {name: _between(here[name], end, j, count) for name, end in self.to.items()}
+            for j in range(1, count)
+        ]
+        return [*parts, dict(self.to)]
+
+
+def _between(start: float, end: float, j: int, steps: int) -> float:
+    """The value after j of so many steps, zero where rounding alone keeps it from being zero."""
+    value = start + j * (end - start) / steps
+    return 0.0 if abs(value) <= 1e-12 * max(abs(start), abs(end)) else value
 
 
 @dataclass(frozen=True)
 class Config:
     """A whole config, checked and resolved.
 
-    `half_twists` n means the linking number n/2, sign included; `length` is the midline's. `widths` are
-    half-widths b in the order of solving, empty where a state's own width is all that is asked for. With
-    `arclength` a branch is followed instead. `text` is the file as written, `path` as the user gave it.
+    `half_twists` n means the linking number n/2, sign included, and is 0 of open strips, whose `parts` have
+    ends; `length` is the midline's. `widths` are half-widths b in the order of solving, empty where a state's
+    own width is all that is asked for, or where there is a `schedule`; `legs` are either. With `arclength` a
+    branch is followed, after the schedule's legs or in place of widths. `text` is the file as written, `path`
+    as the user gave it.
     """
 
     name: str
@@ -104,6 +137,33 @@ class Config:
     text: str
     path: str
     arclength: Arclength | None = None
+    parts: Parts = CLOSED
+    schedule: tuple[Leg, ...] = ()
+
+    @property
+    def open(self) -> bool:
+        """Whether it is of an open strip."""
+        return self.parts.ends is not None
+
+    @property
+    def sigma(self) -> int:
+        """+1 of a two-sided band, -1 of a one-sided one, 0 of an open strip."""
+        return 0 if self.open else (-1 if self.half_twists % 2 else 1)
+
+    @property
+    def legs(self) -> tuple[Leg, ...]:
+        """The schedule; `widths` are a leg each."""
+        return self.schedule or tuple(Leg({HALF_WIDTH: b}) for b in self.widths)
+
+    def start(self, half_width: float | None = None) -> dict[str, float]:
+        """The parameters at the guess, by name; `half_width` is that of a state that the guess comes from."""
+        known = half_width if half_width is not None else self.guess.half_width
+        others = {name: self.parts.value(name) for name in self.parts.names(self.sigma)[1:]}
+        return {HALF_WIDTH: math.nan if known is None else known, **others}
+
+    def last(self) -> dict[str, float]:
+        """The parameters after the last leg."""
+        return {**self.start(), **{name: value for leg in self.legs for name, value in leg.to.items()}}
 
     def resolved(self) -> dict[str, Any]:
         """Everything, spelled out with plain values in the config's own layout: itself a valid config."""
@@ -117,9 +177,10 @@ class Config:
         guess = self.guess
         levels, at = list(self.refinement.levels), self.refinement.at
         part: dict[str, Any] = {
-            "topology": {"half_twists": self.half_twists},
+            "topology": "open" if self.open else {"half_twists": self.half_twists},
             "length": self.length,
             "discretisation": self.discretisation,
+            **_parts_said(self.parts),
             "initial_guess": (
                 {"state": guess.state_as_written, **({"saddle": "keep"} if guess.keep_saddle else {})}
                 if guess.recipe == "state"
@@ -128,8 +189,11 @@ class Config:
         }
         if self.widths:
             part["widths"] = list(self.widths)
-        if self.arclength is not None:
-            part["widths"] = {"arclength": _said(self.arclength)}
+        branch = [] if self.arclength is None else [{"arclength": _said(self.arclength)}]
+        if self.schedule or (self.arclength is not None and self.arclength.parameter != HALF_WIDTH):
+            part["schedule"] = [*map(_leg_said, self.schedule), *branch]
+        elif branch:
+            part["widths"] = branch[0]
         if levels:
             part["refinement"] = levels if at is None else {"levels": levels, "at": list(at)}
         part["spectrum"] = vars(self.spectrum) | {"metrics": list(self.spectrum.metrics)}
@@ -153,8 +217,34 @@ def _recipe(guess: Guess) -> dict[str, Any]:
 
 def _said(record: Arclength) -> dict[str, Any]:
     """The fields of a record that say something, in a config's own layout."""
-    said = {name: value for name, value in vars(record).items() if value}
+    said = {name: value for name, value in vars(record).items() if value and value != HALF_WIDTH}
     return {name: list(value) if isinstance(value, tuple) else value for name, value in said.items()}
+
+
+def _parts_said(parts: Parts) -> dict[str, Any]:
+    """Ends, material and loads in a config's own layout; nothing of a plain closed band."""
+    said = {}
+    if parts.ends is not None:
+        said["ends"] = {"start": parts.ends.start, "end": parts.ends.end, **_unusual(parts.ends)}
+    said |= {"material": _unusual(parts.material), "loads": _unusual(parts.loads)}
+    return {name: values for name, values in said.items() if values}
+
+
+def _unusual(record: Ends | Material | Loads) -> dict[str, Any]:
+    """The fields that are not at their defaults, so that a new field changes no hash."""
+    values = {f.name: getattr(record, f.name) for f in fields(record)}
+    usual = {f.name: f.default for f in fields(record)}
+    return {
+        name: list(value) if isinstance(value, tuple) else value
+        for name, value in values.items()
+        if value != usual[name] and not (isinstance(value, float) and math.isnan(value))
+    }
+
+
+def _leg_said(leg: Leg) -> dict[str, Any]:
+    """A leg in a config's own layout."""
+    steps = {} if leg.steps is None else {"steps": leg.steps}
+    return {name: {"to": value, **steps} if steps else value for name, value in leg.to.items()}
 
 
 def dump_resolved(config: Config) -> str:

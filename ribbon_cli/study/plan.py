@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_left, bisect_right, insort
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 from ..config import Config
-from ..facts import same_width
+from ..facts import same_value, same_width
+from ..parts import HALF_WIDTH, PARAMETERS
 from ..recipes import RECIPES
 
 SECONDS_PER_STATE = 0.05
@@ -19,15 +22,17 @@ full spectrum (cubic in N). They make an estimate, not a promise."""
 
 @dataclass(frozen=True)
 class PlannedStage:
-    """One solve: `kind` as in the store, half-width and number of segments it aims at.
+    """One solve: `kind` as in the store, half-width, number of segments and all parameters that it aims at.
 
-    The last two are None where they are those of a state that is only opened when the study runs.
+    The half-width and N are None, and not among the parameters, where they are those of a state that is only
+    opened when the study runs.
     """
 
     name: str
     kind: str
     half_width: float | None
     segments: int | None
+    parameters: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -54,24 +59,72 @@ def visits(widths: Sequence[float]) -> list[tuple[float, int]]:
     return out
 
 
+@dataclass(frozen=True)
+class Goal:
+    """What a step of a schedule is to reach: parameters by name, all others staying where they are.
+
+    `visit` counts how often a schedule has come to these values, `ends_leg` says that a leg ends there, where
+    it is refined.
+    """
+
+    to: Mapping[str, float]
+    visit: int = 1
+    ends_leg: bool = True
+
+    @property
+    def name(self) -> str:
+        """The stage that ends there, which is the key by which a run is resumed."""
+        return place_name(self.to, self.visit)
+
+    def refined(self, segments: int) -> str:
+        """The stage that ends there on a finer level."""
+        return f"{self.name}, refined to N = {segments}"
+
+    def ways(self, here: Mapping[str, float]) -> list[tuple[str, dict[str, float]]]:
+        """Stage names and targets to try from a place: all the way, half of it, a quarter, ..."""
+        out = [(self.name, dict(self.to))]
+        for j in range(1, MOST_HALVINGS + 1):
+            part = {name: here[name] + (value - here[name]) / 2**j for name, value in self.to.items()}
+            out.append((f"{place_name(part)} on the way to {self.name}", part))
+        return out
+
+
+def place_name(values: Mapping[str, float], visit: int = 1) -> str:
+    """Parameters with their values, in the order of the table of parameters, as stages are named by them."""
+    told = (f"{row.symbol} = {values[name] + 0.0:.12g}" for name, row in PARAMETERS.items() if name in values)
+    return ", ".join(told) + (f" (visit {visit})" if visit > 1 else "")
+
+
+def goals(config: Config, start: Mapping[str, float]) -> list[Goal]:
+    """The goals of a config's widths or schedule in order; `start` holds the parameters of the guess."""
+    if not config.schedule:
+        return [Goal({HALF_WIDTH: b}, visit) for b, visit in visits(config.widths)]
+    here, out = dict(start), []
+    count: Counter[str] = Counter()
+    for leg in config.schedule:
+        targets = leg.targets(here)
+        for k, target in enumerate(targets, start=1):
+            name = place_name(target)
+            count[name] += 1
+            out.append(Goal(target, count[name], k == len(targets)))
+        here |= leg.to
+    return out
+
+
 def width_name(half_width: float, visit: int = 1) -> str:
     """The stage that ends at a requested width; a schedule may come back to it."""
-    return f"b = {half_width:.12g}" + (f" (visit {visit})" if visit > 1 else "")
+    return place_name({HALF_WIDTH: half_width}, visit)
 
 
 def refinement_name(half_width: float, segments: int, visit: int = 1) -> str:
     """The stage that ends at a requested width and level."""
-    return f"{width_name(half_width, visit)}, refined to N = {segments}"
+    return Goal({HALF_WIDTH: half_width}, visit).refined(segments)
 
 
 def width_steps(here: float, half_width: float, visit: int) -> list[tuple[str, float]]:
-    """Stage names and widths to try on the way to a width: all the way, half of it, a quarter, ..."""
-    goal = width_name(half_width, visit)
-    out = [(goal, half_width)]
-    for j in range(1, MOST_HALVINGS + 1):
-        part = here + (half_width - here) / 2**j
-        out.append((f"{width_name(part)} on the way to {goal}", part))
-    return out
+    """Stage names and widths to try on the way to a width."""
+    ways = Goal({HALF_WIDTH: half_width}, visit).ways({HALF_WIDTH: here})
+    return [(name, target[HALF_WIDTH]) for name, target in ways]
 
 
 def refined_at(config: Config, half_width: float) -> tuple[int, ...]:
@@ -93,7 +146,9 @@ def start_width(config: Config, half_width: float) -> float:
 
 
 def start_kind(config: Config, half_width: float | None) -> str:
-    """Kind of the freed guess: an equilibrium where its width is the first that the config names."""
+    """Kind of the freed guess: an equilibrium where its width is the first that the config names, or where a
+    schedule begins.
+    """
     return "equilibrium" if not config.widths or half_width == config.widths[0] else "intermediate"
 
 
@@ -104,30 +159,55 @@ def plan_of(config: Config, given: tuple[float, int] | None = None) -> Plan:
     half_width = None if half_width is None else start_width(config, half_width)
     names = () if guess.recipe == "state" else RECIPES[guess.recipe].stages(guess.settings)
     stages = [PlannedStage(name, "auxiliary", half_width, first) for name in names]
-    widths = config.widths
     kind = start_kind(config, half_width)
-    named = kind == "equilibrium"
-    stages.append(PlannedStage(start_name(config), kind, half_width, first))
-    places: list[tuple[float | None, int]] = [*visits(widths)] or [(half_width, 1)]
-    for k, (b, visit) in enumerate(places):
-        if not (k == 0 and named):
-            stages.append(PlannedStage(width_name(b or 0.0, visit), "equilibrium", b, first))
-        for n in refined_at(config, b) if b is not None else config.refinement.levels[1:]:
-            name = refinement_name(b, n, visit) if b is not None else f"refined to N = {n}"
-            stages.append(PlannedStage(name, "equilibrium", b, n))
+    place = config.start(half_width)
+    stages.append(_stage(start_name(config), kind, place, first))
+    planned = goals(config, place)
+    if not planned:
+        stages += [
+            _stage(_refined_start(half_width, n), "equilibrium", place, n)
+            for n in config.refinement.levels[1:]
+        ]
+    for k, goal in enumerate(planned):
+        stays = k == 0 and (_stays(config, goal, place) if config.schedule else kind == "equilibrium")
+        place = {**place, **goal.to}
+        if not stays:
+            stages.append(_stage(goal.name, "equilibrium", place, first))
+        for n in refined_at(config, place[HALF_WIDTH]) if goal.ends_leg else ():
+            stages.append(_stage(goal.refined(n), "equilibrium", place, n))
     branch = config.arclength
     if branch is not None:
-        words = f"a branch followed towards b = {branch.to:.12g}" + (
-            ", and the other way" if branch.both else ""
-        )
-        stages += [PlannedStage(f"{words}, meeting b = {b:.12g}", "equilibrium", b, first) for b in branch.at]
-        stages.append(PlannedStage(words, "intermediate", branch.to, first))
+        symbol = PARAMETERS[branch.parameter].symbol
+        words = f"a branch followed towards {symbol} = {branch.to:.12g}"
+        words += ", and the other way" if branch.both else ""
+        for value in (*branch.at, branch.to):
+            at = {**place, branch.parameter: value}
+            stages.append(_stage(f"{words}, meeting {symbol} = {value:.12g}", "equilibrium", at, first))
+        stages[-1] = replace(stages[-1], name=words, kind="intermediate")
     cost = sum(_cost(config, s) for s in stages)
-    halving = "a step in width that fails is halved; what that adds is not counted"
-    notes = (halving,) if len(widths) > 1 or not named else ()
+    what = "" if config.schedule else " in width"
+    halving = f"a step{what} that fails is halved; what that adds is not counted"
+    moving = {goal.name for goal in planned}
+    notes = (halving,) if any(stage.name in moving for stage in stages) else ()
     if branch is not None:
         notes = (*notes, f"a branch takes up to {branch.steps} steps; what they cost is not counted")
     return Plan(tuple(stages), cost, (*guess_notes(config), *notes))
+
+
+def _stage(name: str, kind: str, place: Mapping[str, float], segments: int | None) -> PlannedStage:
+    """A solve at a place, of which a parameter that is not a number is not known."""
+    known = {parameter: value for parameter, value in place.items() if not math.isnan(value)}
+    return PlannedStage(name, kind, known.get(HALF_WIDTH), segments, known)
+
+
+def _refined_start(half_width: float | None, segments: int) -> str:
+    """The stage that refines the freed guess, where a config names no width."""
+    return f"refined to N = {segments}" if half_width is None else refinement_name(half_width, segments)
+
+
+def _stays(config: Config, goal: Goal, place: Mapping[str, float]) -> bool:
+    """Whether a goal is where the schedule begins."""
+    return all(same_value(name, place[name], value, config.length) for name, value in goal.to.items())
 
 
 def guess_notes(config: Config) -> tuple[str, ...]:

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 from ..config import Arclength, Config, dump_resolved
 from ..errors import UsageError
 from ..facts import same_width
+from ..parts import CLOSED
 from ..store import Run, Summary, configs
 from ..store.folder import is_run
 from .config_changes import what_changed
@@ -61,6 +62,7 @@ def solve_config(
     are in the outcome, and the run's log keeps which. Raises UsageError for a given state that does not fit
     (before any run folder is made), StoreError, LockedError.
     """
+    _check_solvable(config)
     given, remarks = None, list[str]()
     if config.guess.recipe == "state":
         from .given import given_state
@@ -87,6 +89,13 @@ def solve_config(
             watcher.done()
 
     return run_or_read(run, progress or Silence(), study)
+
+
+def _check_solvable(config: Config) -> None:
+    """Raise UsageError for what configs can say and studies do not walk through yet."""
+    if config.parts != CLOSED or config.schedule:
+        what = "schedules" if config.parts == CLOSED else "open strips and natural curvature"
+        raise UsageError(f"{config.path}: {what} are not solved yet")
 
 
 def _open(config: Config, root: Path) -> Run:
