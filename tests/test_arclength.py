@@ -202,7 +202,7 @@ def test_the_ring_stays_a_ring() -> None:
     events, points, end = follow(point, 1, BranchOptions(0.2, 1.7))
     assert (end.reason, end.value) == (Reason.RANGE, 1.7)
     assert [event.type for event in events] == ["width"]
-    assert points[-1].energy / points[-1].half_width == pytest.approx(point.energy / 0.3, rel=1e-13)
+    assert points[-1].energy / points[-1].value == pytest.approx(point.energy / 0.3, rel=1e-13)
 
 
 def test_tangent_is_the_difference_quotient() -> None:

@@ -115,16 +115,7 @@ def _closure_derivative(folding: Folding, sigma: int) -> tuple[Array, Array]:
     end = f[-1] @ turn @ r[0]
     before = np.roll(f, 1, axis=0)
     before[0] = f[-1] @ turn
-    # Infinitesimal rotation vectors, in space, of unit changes of theta_i and eta_i: the fold's
-    # axis a itself, and for eta the vector of dR R^T = [v]x with
-    # v = sin(theta) a' + (1 - cos(theta)) a x a', a' = da/deta.
-    w = 1.0 / np.sqrt(1.0 + folding.eta**2)
-    zero = np.zeros(n)
-    axis = np.stack((folding.eta * w, zero, w), axis=1)
-    daxis = np.stack((w**3, zero, -folding.eta * w**3), axis=1)
-    s, c = np.sin(folding.theta)[:, None], np.cos(folding.theta)[:, None]
-    spin = np.stack((axis, s * daxis + (1.0 - c) * np.cross(axis, daxis)), axis=1)
-    spin = np.einsum("nij,nkj->nki", before, spin)  # (N, 2, 3)
+    spin = spins(before, folding)
     tangent = f[:, :, 0]
     downstream = np.cumsum(tangent[::-1], axis=0)[::-1] / n
     downstream[0] = 0.0  # fold 1 is the last one met, no tangent follows it
@@ -135,6 +126,21 @@ def _closure_derivative(folding: Folding, sigma: int) -> tuple[Array, Array]:
     jacobian[9:] = np.cross(spin, downstream[:, None, :]).transpose(2, 0, 1)
     residual = np.concatenate(((end - np.eye(3)).ravel(), tangent.mean(axis=0)))
     return residual, jacobian.transpose(0, 2, 1).reshape(12, 2 * n)
+
+
+def spins(before: Array, folding: Folding) -> Array:
+    """Infinitesimal rotation vectors (N,2,3), in space, of unit changes of theta_i and eta_i.
+
+    `before` (N,3,3) are the frames that the folds start from. The vectors are the fold's axis a itself, and for
+    eta that of dR R^T = [v]x with v = sin(theta) a' + (1 - cos(theta)) a x a', a' = da/deta.
+    """
+    w = 1.0 / np.sqrt(1.0 + folding.eta**2)
+    zero = np.zeros(folding.theta.size)
+    axis = np.stack((folding.eta * w, zero, w), axis=1)
+    daxis = np.stack((w**3, zero, -folding.eta * w**3), axis=1)
+    s, c = np.sin(folding.theta)[:, None], np.cos(folding.theta)[:, None]
+    spin = np.stack((axis, s * daxis + (1.0 - c) * np.cross(axis, daxis)), axis=1)
+    return np.einsum("nij,nkj->nki", before, spin)
 
 
 def close(folding: Folding, sigma: int, *, tolerance: float = 1e-13, steps: int = 30) -> Folding:

@@ -52,26 +52,27 @@ def angles(kappa: Array, eta: Array, band: Band, first: float) -> Array:
     return theta
 
 
-def hold(folded: Folding, band: Band) -> Folding:
-    """Bring a strip's end to its place by Gauss-Newton steps of least change in theta; eta stays.
+def hold(folded: Folding, band: Band, slack: float = 0.0) -> Folding:
+    """Bring a strip's end to its place by Gauss-Newton steps of least change in theta.
 
-    Raises ClosureError if the end does not come there.
+    With `slack` the etas between the ends change too, by that weight: they leave a plane, which fold angles
+    about rulings across it do not. Raises ClosureError if the end does not come there.
     """
     ends = _ends(band)
     if ends.end == FREE:
         return folded
-    current, best = folded, np.inf
+    current, best, n = folded, np.inf, band.segments
+    scale = np.concatenate((np.ones(n), np.full(n, slack * n)))
+    scale[n] = 0.0
     for _ in range(STEPS):
         residual, jacobian = _misfit(current, band, ends)
         size = float(np.abs(residual).max())
         if size <= TOLERANCE or (size < 1e-11 and size >= 0.5 * best):
             return current
         best = min(best, size)
-        step = np.linalg.lstsq(jacobian, -residual, rcond=1e-9)[0]
-        limit = min(1.0, 0.3 / max(float(np.abs(step).max()), 1e-300))
-        theta = current.theta.copy()
-        theta[:-1] += limit * step
-        current = Folding(theta, current.eta)
+        step = scale * np.linalg.lstsq(jacobian * scale, -residual, rcond=1e-9)[0]
+        step *= min(1.0, 0.3 / max(float(np.abs(step).max()), 1e-300))
+        current = Folding(current.theta + np.append(step[:n], 0.0), current.eta + np.append(step[n:], 0.0))
     raise ClosureError(f"the strip does not reach its end: it is off by {best:.1e} after {STEPS} steps")
 
 
@@ -100,16 +101,15 @@ def _frames(folded: Folding) -> Array:
 
 def _misfit(folded: Folding, band: Band, ends: Ends) -> tuple[Array, Array]:
     """How far the end is from its place (6,): its ruling (3) and midpoint by the length (3); and the Jacobian
-    (6, N) in the fold angles but the last."""
+    (6, 2N) in the fold angles and etas of nodes 1 to N."""
     f = _frames(folded)
+    before = np.concatenate((np.eye(3)[None], f[:-1]))
     tangent = f[:, :, 0]
-    eta = folded.eta[:-1]
-    w = 1.0 / np.sqrt(1.0 + eta**2)
-    # The axis of fold i, in space: the ruling, the same seen from either facet.
-    spin = (eta * w)[:, None] * tangent + w[:, None] * f[:, :, 2]
+    spin = folding.spins(before, Folding(folded.theta[:-1], folded.eta[:-1]))
     last = ends.end_eta * tangent[-1] + f[-1, :, 2]
     downstream = np.cumsum(tangent[::-1], axis=0)[::-1] / band.segments
     residual = np.concatenate(
         (last - finish_frame(ends).ruling, tangent.mean(axis=0) - displacement(ends) / band.length)
     )
-    return residual, np.vstack((np.cross(spin, last).T, np.cross(spin, downstream).T))
+    rows = np.concatenate((np.cross(spin, last), np.cross(spin, downstream[:, None])), axis=2)
+    return residual, rows.transpose(2, 1, 0).reshape(6, -1)
