@@ -160,5 +160,5 @@ def test_vectors_pack_and_unpack() -> None:
     packed = multipliers.vector()
     np.testing.assert_array_equal(type(multipliers).from_vector(state.band, packed).vector(), packed)
     np.testing.assert_array_equal(packed[:5], [getattr(multipliers, f"lambda_{k}")[0] for k in range(1, 6)])
-    assert not type(multipliers).zeros(50).vector().any()
+    assert not type(multipliers).zeros(state.band).vector().any()
     np.testing.assert_array_equal(state.next_rulings()[-1], -state.g[0])

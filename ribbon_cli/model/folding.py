@@ -140,7 +140,8 @@ def spins(before: Array, folding: Folding) -> Array:
     daxis = np.stack((w**3, zero, -folding.eta * w**3), axis=1)
     s, c = np.sin(folding.theta)[:, None], np.cos(folding.theta)[:, None]
     spin = np.stack((axis, s * daxis + (1.0 - c) * np.cross(axis, daxis)), axis=1)
-    return np.einsum("nij,nkj->nki", before, spin)
+    out: Array = np.einsum("nij,nkj->nki", before, spin)
+    return out
 
 
 def close(folding: Folding, sigma: int, *, tolerance: float = 1e-13, steps: int = 30) -> Folding:
