@@ -103,7 +103,7 @@ def relative_files(folder: Path) -> set[str]:
     return {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
 
 
-def reseal(path: Path, version: str = "1.2", **changes: Any) -> None:
+def reseal(path: Path, version: str = "1.3", **changes: Any) -> None:
     """Make the hash in a state file's head that of its bytes, its summary `changes` richer, and its version
     another.
     """
@@ -114,7 +114,7 @@ def reseal(path: Path, version: str = "1.2", **changes: Any) -> None:
     text, _, _ = rest.partition(b"\n")
     summary = json.dumps(json.loads(text) | changes, ensure_ascii=False, separators=(",", ":")).encode()
     rest = (summary + b"\n").ljust(2048 - 89, b"\0") + rest[2048 - 89 :]
-    line = line.replace(b" 1.2 ", f" {version} ".encode())
+    line = line.replace(b" 1.3 ", f" {version} ".encode())
     path.write_bytes(line[:-64] + hashlib.sha256(rest).hexdigest().encode() + b"\n" + rest)
 
 

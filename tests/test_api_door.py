@@ -109,6 +109,7 @@ def flattened(row):
     """A row of `ribbon ls --json` without groups."""
     flat = {name: tuple(value) if isinstance(value, list) else value for name, value in row.items()}
     topology = flat.pop("topology")
+    del flat["parameters"]  # the half-width, and none that varies
     return flat | topology
 
 

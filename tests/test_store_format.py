@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from store_support import make_record, make_spectrum
 
+from ribbon_cli.parts import Ends, Loads, Material
 from ribbon_cli.store import (
     BranchRecord,
     BranchSummary,
@@ -29,8 +30,19 @@ from ribbon_cli.store import (
     write_atomic,
 )
 from ribbon_cli.store.hdf5 import decode_bytes
-from ribbon_cli.store.layout import BRANCH, DIMENSIONS, SPECTRUM, STATE, dimensions_markdown
+from ribbon_cli.store.layout import (
+    BRANCH,
+    DIMENSIONS,
+    ENDS,
+    LOADS,
+    MATERIAL,
+    SPECTRUM,
+    STATE,
+    dimensions_markdown,
+)
+from ribbon_cli.store.record import REACTIONS
 
+OF_STRIPS = ("bending_energy", "lambda_end", *REACTIONS)
 FORMAT_PAGE = Path(__file__).parent.parent / "docs" / "format.md"
 
 
@@ -127,7 +139,7 @@ def test_root_attributes_and_description_of_every_dataset(stored):
     path = stored(record)
     with h5py.File(path) as file:
         assert file.attrs["format"] == b"ribbon-state"
-        assert file.attrs["format_version"] == b"1.2"
+        assert file.attrs["format_version"] == b"1.3"
         assert file.attrs["content_sha256"].decode() == content_sha256(record)
         paths = []
 
@@ -145,17 +157,19 @@ def test_root_attributes_and_description_of_every_dataset(stored):
         file.visititems(check)
         np.testing.assert_array_equal(file["state/u"][()], record.u)
         assert file["certificate/certified"][()] is np.True_
-    optional = ("parent", "parent_ref", "prescribed", "seam_open", "cut_node", "g_cut")
+    optional = ("parent", "parent_ref", "prescribed", "seam_open", "cut_node", "g_cut", *OF_STRIPS)
     expected = [item.path for item in STATE if item.field not in optional]
     paths = [path for path in paths if path.rpartition("/")[2] not in DIMENSIONS]
     assert {path for path in paths if not path.startswith(("/spectra", "/provenance"))} == set(expected)
 
 
 def test_table_covers_every_field_of_the_records():
-    state = {item.field for item in STATE} | {"spectra", "branch", "provenance", "event_kinds"}
+    state = {item.field for item in STATE} | {"spectra", "branch", "provenance", "event_kinds", "parts"}
     assert state == {field.name for field in fields(StateRecord)}
     assert {item.field for item in SPECTRUM} | {"metric"} == {field.name for field in fields(SpectrumRecord)}
     assert {item.field for item in BRANCH} == {field.name for field in fields(BranchRecord)}
+    for items, kind in ((ENDS, Ends), (MATERIAL, Material), (LOADS, Loads)):
+        assert [item.field for item in items] == [field.name for field in fields(kind)]
     assert all(
         item.equation == "none" or any(c.isdigit() or c == "=" for c in item.equation) for item in STATE
     )
@@ -237,7 +251,10 @@ def test_summary_has_the_promised_fields_and_is_json():
 
 def test_summaries_have_the_fields_that_the_layout_marks():
     marked = [item.field for item in STATE if item.summary]
-    assert [field.name for field in fields(Summary)] == [*marked, "event_kinds", "branch", "content_sha256"]
+    assert [field.name for field in fields(Summary)] == [
+        *(*marked, "event_kinds", "branch", "content_sha256"),
+        *("parameters", "bending_energy", *REACTIONS),
+    ]
     on_branch = [item.field for item in BRANCH if item.summary]
     assert [field.name for field in fields(BranchSummary)] == on_branch
 
@@ -248,7 +265,11 @@ def test_a_summary_is_read_back_and_what_a_newer_version_added_is_passed_over():
     assert Summary.read(document) == state
     assert state.agrees(document | {"later": [1.5]})
     assert Summary.read(document | {"later": [1.5], "to_dict": 1}).to_dict() == document
-    for key in document.keys() - {"event_kinds"}:  # which earlier formats lack
+    for key in document.keys() - {
+        "event_kinds",
+        "parameters",
+        "bending_energy",
+    }:  # which earlier formats lack
         with pytest.raises(ValueError, match=r"of another type|no state with a label"):
             Summary.read({name: value for name, value in document.items() if name != key})
 

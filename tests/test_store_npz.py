@@ -95,7 +95,7 @@ def test_the_least_that_is_needed(path, save):
         ({"u": np.zeros((N, 3), dtype=complex)}, "u.npy is not an array of numbers or text"),
         ({"u": np.full((N, 3), "x")}, "expected numbers"),
         ({"u": np.array([None])}, "u.npy is not an array of numbers or text"),
-        ({"sigma": 2}, r"sigma must be \+1 or -1, got 2"),
+        ({"sigma": 2}, r"sigma must be \+1 or -1, or 0 of an open strip, got 2"),
         ({"sigma": "a"}, "expected one number"),
         ({"half_width": -1}, "half_width must be positive and finite, got -1"),
         ({"half_width": math.inf}, "half_width must be positive"),

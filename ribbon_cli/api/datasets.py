@@ -80,9 +80,8 @@ def _facts(run: Run, chosen: Mapping[Cell, Summary], shape: Cell, grid: bool) ->
     `certified` alone is true or false: what is not there has no certificate. Other truth values are 1 and 0.
     """
     rows = {place: flat(state, run.name) for place, state in chosen.items()}
-    branches = any(state.branch for state in chosen.values())
     arrays: dict[str, NDArray[Any]] = {}
-    for name, (dtype, _) in column_types(branches).items():
+    for name, (dtype, _) in column_types(list(chosen.values())).items():
         if name in _LEFT_OUT or (name == "label" and not grid):
             continue
         if name == "certified":

@@ -7,8 +7,11 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from ribbon_cli.api.extras import extra
+from ribbon_cli.parts import HALF_WIDTH
 from ribbon_cli.store import Run, Summary
 from ribbon_cli.store.layout import BRANCH, STATE
+from ribbon_cli.store.record import REACTIONS
+from ribbon_cli.store.summaries import varying
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -40,27 +43,37 @@ def damage_in_words(run: Run, lost: Mapping[int, str]) -> list[str]:
 
 
 def flat(state: Summary, run: str) -> dict[str, Any]:
-    """A summary of a run's state without groups: a branch's fields are `branch_name` and so on."""
+    """A summary of a run's state without groups: a branch's fields are `branch_name` and so on, parameters
+    besides the half-width `parameter_twist` and so on, a reaction's components `start_force_x` and so on.
+    """
     row = {"run": run, **vars(state)}
-    branch = row.pop("branch")
+    branch, parameters = row.pop("branch"), row.pop("parameters")
+    row |= {f"parameter_{name}": value for name, value in parameters.items() if name != HALF_WIDTH}
+    for name in REACTIONS:
+        row |= zip((f"{name}_{axis}" for axis in "xyz"), row.pop(name) or (), strict=False)
     return row | {f"branch_{name}": value for name, value in (vars(branch) if branch else {}).items()}
 
 
-def column_types(branches: bool) -> dict[str, tuple[str, bool]]:
-    """Columns of a flat summary in the order of `ribbon ls --json`, each with its type and whether values may
-    be absent; those of branches only if asked.
+def column_types(states: Sequence[Summary]) -> dict[str, tuple[str, bool]]:
+    """Columns of flat summaries in the order of `ribbon ls --json`, each with its type and whether values may
+    be absent; those of branches where a state is on one, and of parameters that vary.
     """
+    branches = any(state.branch for state in states)
     own = {item.field: item for item in STATE if item.summary}
     marked = [*own.items(), ("event_kinds", own["events"])]
     marked += [(f"branch_{item.field}", item) for item in BRANCH if item.summary and branches]
     rows = {name: (item.dtype if not item.dims else "utf-8", item.optional) for name, item in marked}
+    rows["bending_energy"] = ("float64", True)
+    rows |= {f"parameter_{name}": ("float64", True) for name in varying(states)}
+    if any(state.reaction_force for state in states):
+        rows |= {f"{name}_{axis}": ("float64", True) for name in REACTIONS for axis in "xyz"}
     return {"run": ("utf-8", False), **rows, "content_sha256": ("utf-8", False)}
 
 
 def frame(run: Run, states: Sequence[Summary], what: str) -> DataFrame:
     """A data frame with a row for each of a run's states. Raises ImportError without pandas."""
     pandas = extra("pandas", what)
-    known = column_types(any(state.branch for state in states))
+    known = column_types(states)
     table = pandas.DataFrame([flat(state, run.name) for state in states], columns=list(known))
     for name, (dtype, optional) in known.items():
         gaps = optional or name.startswith("branch_")

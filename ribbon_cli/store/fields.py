@@ -10,7 +10,18 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from ribbon_cli.store.layout import BRANCH, DIMENSIONS, SPECTRUM, STATE, Item, provenance_item
+from ribbon_cli.parts import FINISHES, STARTS, Ends, Loads, Material, Parts
+from ribbon_cli.store.layout import (
+    BRANCH,
+    DIMENSIONS,
+    ENDS,
+    LOADS,
+    MATERIAL,
+    SPECTRUM,
+    STATE,
+    Item,
+    provenance_item,
+)
 from ribbon_cli.store.record import METRICS, BranchRecord, SpectrumRecord, StateRecord
 
 if TYPE_CHECKING:
@@ -96,6 +107,34 @@ def _record_fields(record: object, items: tuple[Item, ...], dims: dict[str, int]
         yield Field(item, value)
 
 
+def _kept(parts: Parts) -> Iterator[tuple[tuple[Item, ...], object]]:
+    """What a file keeps of ends, material and loads, with its items."""
+    if parts.ends is not None:
+        yield from ((ENDS, parts.ends), (LOADS, parts.loads))
+    if parts.ends is not None or parts.material != Material():
+        yield MATERIAL, parts.material
+
+
+def _parts(values: Mapping[str, Value]) -> Parts:
+    """Ends, material and loads as a file has them. Raises ValueError where they do not fit."""
+    ends, material, loads = (
+        _plain_values(values, items) if any(path.startswith(f"/{group}/") for path in values) else None
+        for group, items in (("ends", ENDS), ("material", MATERIAL), ("loads", LOADS))
+    )
+    found = Parts(None if ends is None else Ends(**ends), Material(**material or {}), Loads(**loads or {}))
+    if found.ends is not None and (found.ends.start not in STARTS or found.ends.end not in FINISHES):
+        raise ValueError(f"ends are {found.ends.start!r} and {found.ends.end!r}, which no strip has")
+    return found
+
+
+def _plain_values(values: Mapping[str, Value], items: tuple[Item, ...]) -> dict[str, Any]:
+    """Values of a group without arrays. Raises ValueError where they do not fit."""
+    found = _record_values(values, items, {})
+    return {
+        name: tuple(value.tolist()) if hasattr(value, "tolist") else value for name, value in found.items()
+    }
+
+
 def _spectrum_items(metric: str) -> tuple[Item, ...]:
     """Items of one spectrum with definite paths."""
     return tuple(replace(item, path=item.path.replace("METRIC", metric)) for item in SPECTRUM)
@@ -112,6 +151,8 @@ def flatten(record: StateRecord) -> list[Field]:
     Raises ValueError where a value does not fit layout.py.
     """
     fields = list(_record_fields(record, STATE, _dims(record.segments)))
+    for items, part in _kept(record.parts):
+        fields += _record_fields(part, items, {})
     for spectrum in record.spectra:
         dims = _dims(record.segments)
         fields += _record_fields(spectrum, _spectrum_items(spectrum.metric), dims)
@@ -205,6 +246,7 @@ def assemble(values: Mapping[str, Value], event_kinds: tuple[str, ...] | None = 
         branch = BranchRecord(**_record_values(values, BRANCH, _dims(n)))
     fields = _record_values(values, STATE, _dims(n))
     fields |= {"spectra": tuple(spectra), "branch": branch, "event_kinds": event_kinds}
+    fields["parts"] = _parts(values)
     record = StateRecord(**fields, provenance=_provenance(values))
     _check_scales(values, record)
     return record

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 FORMAT = "ribbon-state"
-FORMAT_VERSION = "1.2"
+FORMAT_VERSION = "1.3"
 """major.minor: readers refuse a newer major, and skip what a newer minor adds."""
 
 Dtype = Literal["float64", "int64", "bool", "utf-8"]
@@ -136,6 +136,9 @@ STATE = _items((
      "+1 orientable, -1 one-sided: g_{N+1} = sigma g_1 and xi_0 = sigma xi_N"),
     ("/state/energy", "float64", "", "s", "(2.14)",
      "Q_h with q_i = |u_i - u_{i-1}|^2 / 2, not divided by pi b"),
+    ("/state/bending_energy", "float64", "", "o", "",
+     "bending energy int H^2 da alone, where `energy` is a total potential with natural curvature or loads; "
+     "absent: `energy` is it"),
     ("/certificate/status", "utf-8", "", "s", "",
      "outcome in one word: minimum, saddle, stalled, ..."),
     ("/certificate/message", "utf-8", "", "s", "",
@@ -202,6 +205,16 @@ STATE = _items((
      "multiplier of b d'.g' - tanh xi, at facets"),
     ("/multipliers/gamma", "float64", "xyz", "", "(1.58)",
      "closure force, multiplier of the integral of d'"),
+    ("/multipliers/lambda_end", "float64", "", "o", "",
+     "multiplier of (u_N - t_B).g_{N+1} / h at a strip's end; absent: a closed band, or a free end"),
+    ("/reactions/reaction_force", "float64", "xyz", "o", "",
+     "force that what holds the end exerts on an open strip, in the start's frame; absent: a closed band"),
+    ("/reactions/reaction_moment", "float64", "xyz", "o", "",
+     "moment that it exerts, about the end's midpoint"),
+    ("/reactions/start_force", "float64", "xyz", "o", "",
+     "force that what holds the start exerts, from the start's own rows"),
+    ("/reactions/start_moment", "float64", "xyz", "o", "",
+     "moment that it exerts, about the start's midpoint"),
     ("/geometry/midline", "float64", "vertex xyz", "", "(2.17)",
      "midline's vertices d_1..d_{N+1}, d_{i+1} = d_i + h u_i, in the unit of `length`"),
     ("/geometry/kappa_s", "float64", "node", "", "(3.1), reading g for g'",
@@ -214,6 +227,35 @@ STATE = _items((
      "eta' = d'.g' at facets"),
 ))
 """Datasets of a state, in the order in which summaries show them."""
+
+ENDS = _items((
+    ("/ends/start", "utf-8", "", "", "", "how the start is held: clamped, or hinged about its ruling"),
+    ("/ends/end", "utf-8", "", "", "", "how the end is held: clamped, hinged or free"),
+    ("/ends/span", "float64", "", "", "",
+     "place of the end along the start's tangent, in the unit of `length`; not a number where it is free"),
+    ("/ends/lift", "float64", "", "", "", "place of the end across the start's tangent and ruling"),
+    ("/ends/shear", "float64", "", "", "", "place of the end along the start's ruling"),
+    ("/ends/twist", "float64", "", "", "", "turn of the end's frame, R_x(twist) R_z(tilt), in radians"),
+    ("/ends/tilt", "float64", "", "", "", "turn of the end's frame about z, before the twist, in radians"),
+    ("/ends/start_eta", "float64", "", "", "", "cotangent of the angle from tangent to ruling at the start"),
+    ("/ends/end_eta", "float64", "", "", "", "cotangent of the angle from tangent to ruling at the end"),
+))
+"""Datasets of an open strip's ends: all of them, or of a closed band none."""
+
+MATERIAL = _items((
+    ("/material/natural_curvature", "float64", "", "", "", "curvature without loads, in 1/length"),
+    ("/material/poisson", "float64", "", "", "", "Poisson's ratio"),
+))
+"""Of open strips, and of closed bands where one of them is not zero: all, or none."""
+
+LOADS = _items((
+    ("/loads/gravity", "float64", "", "", "", "weight per area"),
+    ("/loads/gravity_direction", "float64", "xyz", "", "", "unit vector of the weight, in the start's frame"),
+    ("/loads/end_force", "float64", "xyz", "", "", "dead force on the end's midpoint"),
+    ("/loads/point_force", "float64", "xyz", "", "", "dead force on a point of the midline"),
+    ("/loads/point_at", "float64", "", "", "", "where it acts, as a part of the length from the start"),
+))
+"""Of open strips: all, or none."""
 
 SPECTRUM = _items((
     ("/spectra/METRIC/complete", "bool", "", "", "(2.58)",
@@ -301,7 +343,7 @@ def provenance_item(key: str, value: str | int | float) -> Item:
 def layout_markdown() -> str:
     """Return the table of docs/format.md: one Markdown row for every dataset."""
     rows = ["| path | type | dimensions | equation | description |", "|---|---|---|---|---|"]
-    for item in (*STATE, *SPECTRUM, *BRANCH):
+    for item in (*STATE, *ENDS, *MATERIAL, *LOADS, *SPECTRUM, *BRANCH):
         shape = "(" + ", ".join(item.dims) + (",)" if len(item.dims) == 1 else ")")
         kind = f"{item.dtype}, optional" if item.optional else item.dtype
         description = item.description.replace("|", "\\|")

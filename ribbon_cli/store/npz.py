@@ -14,10 +14,11 @@ from typing import Any
 import numpy as np
 
 from ribbon_cli.errors import StoreError
+from ribbon_cli.parts import FINISHES, FREE, STARTS, Ends, Loads, Material, Parts
 from ribbon_cli.store.atomic import write_atomic
 from ribbon_cli.store.content import content_sha256
 from ribbon_cli.store.hdf5 import MAX_BYTES
-from ribbon_cli.store.record import StateRecord
+from ribbon_cli.store.record import REACTIONS, StateRecord
 
 UNKNOWN = -1
 """Stands for an undetermined `negative_eigenvalues`: npz has no None."""
@@ -42,6 +43,8 @@ SCALARS = (
     "negative_eigenvalues",
 )
 
+_PARTS: dict[str, type[Ends | Material | Loads]] = {"ends": Ends, "material": Material, "loads": Loads}
+_PART_FIELDS = tuple(f"{part}_{name}" for part, kind in _PARTS.items() for name in vars(kind()))
 _SHAPES: dict[str, tuple[str | int, ...]] = {
     **dict.fromkeys(("u", "g"), ("N", 3)),
     **dict.fromkeys(("xi", "lambda_1", "lambda_2", "lambda_3", "lambda_4", "lambda_5"), ("N",)),
@@ -54,7 +57,7 @@ _DISCRETISATIONS = ("thesis", "value-average")
 
 
 def export_npz(record: StateRecord, path: str | Path, overwrite: bool = False) -> None:
-    """Write a state's arrays (`ARRAYS`), scalars (`SCALARS`) and content_sha256.
+    """Write a state's arrays (`ARRAYS`), scalars (`SCALARS`) and content_sha256, and of a strip its parts.
 
     The same record gives the same bytes. Raises StoreError when the file exists and is not to be overwritten,
     or cannot be written.
@@ -63,8 +66,22 @@ def export_npz(record: StateRecord, path: str | Path, overwrite: bool = False) -
     for name in SCALARS:
         value = getattr(record, name)
         fields[name] = np.asarray(UNKNOWN if value is None else value)
+    if record.parts.ends is not None:
+        fields |= _of_strip(record)
     fields["content_sha256"] = np.asarray(content_sha256(record))
     write_arrays(path, fields, overwrite)
+
+
+def _of_strip(record: StateRecord) -> dict[str, Any]:
+    """What an open strip has besides: `ends_span` and so on, its bending energy and reactions."""
+    fields = {
+        f"{part}_{name}": np.asarray(value)
+        for part, kind in _PARTS.items()
+        for name, value in vars(getattr(record.parts, part) or kind()).items()
+    }
+    more = ("bending_energy", "lambda_end", *REACTIONS)
+    known = {name: getattr(record, name) for name in more}
+    return fields | {name: np.asarray(value) for name, value in known.items() if value is not None}
 
 
 def write_arrays(path: str | Path, fields: Mapping[str, Any], overwrite: bool = False) -> None:
@@ -82,13 +99,14 @@ def load_npz(path: str | Path) -> dict[str, Any]:
 
     Needed are u (N,3), g (N,3), xi (N,), half_width and sigma. Returns those, `length` (2 pi unless given),
     `discretisation` (thesis unless given), and those of `ARRAYS` that are there; arrays are float64, sigma
-    is +1 or -1. Raises StoreError, one line, for a file that is missing, damaged or does not hold a state.
-    Nothing is ever unpickled.
+    is +1 or -1, or 0 of a strip, of which g_end and `ends_...` are needed, and `parts` are returned. Raises
+    StoreError, one line, for a file that is missing, damaged or does not hold a state. Nothing is ever
+    unpickled.
     """
     try:
         with zipfile.ZipFile(path) as archive:
             names = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
-            wanted = (*ARRAYS, "half_width", "sigma", *_DEFAULTS)
+            wanted = (*ARRAYS, "half_width", "sigma", *_DEFAULTS, *_PART_FIELDS)
             found = {name: _read_member(archive, names[name]) for name in wanted if name in names}
         return _check(found)
     except OSError as error:
@@ -134,13 +152,41 @@ def _check(found: dict[str, np.ndarray[Any, Any]]) -> dict[str, Any]:
                 raise ValueError(f"{name} is not finite")
     for name in ("half_width", "sigma", *_DEFAULTS):
         state[name] = _scalar(name, found[name]) if name in found else _DEFAULTS[name]
-    if state["sigma"] not in (1, -1):
-        raise ValueError(f"sigma must be +1 or -1, got {state['sigma']}")
+    if state["sigma"] not in (1, -1, 0):
+        raise ValueError(f"sigma must be +1 or -1, or 0 of an open strip, got {state['sigma']}")
+    if state["sigma"] == 0:
+        state["parts"] = _read_parts(found)
     if state["discretisation"] not in _DISCRETISATIONS:
         raise ValueError(
             f"discretisation must be {' or '.join(_DISCRETISATIONS)}, got {state['discretisation']}"
         )
     return state | {"sigma": int(state["sigma"])}
+
+
+def _read_parts(found: Mapping[str, np.ndarray[Any, Any]]) -> Parts:
+    """Ends, material and loads of a strip. Raises ValueError for what is not."""
+    missing = [name for name in ("g_end", "ends_start", "ends_end", "ends_span") if name not in found]
+    if missing:
+        raise ValueError(f"sigma is 0, an open strip's, and it has no {', '.join(missing)}")
+    read: dict[str, Any] = {}
+    for part, kind in _PARTS.items():
+        given: dict[str, Any] = {}
+        for name, default in vars(kind()).items():
+            value = found.get(f"{part}_{name}", np.asarray(default))
+            wanted = np.asarray(default)
+            if value.shape != wanted.shape or (value.dtype.kind == "U") != (wanted.dtype.kind == "U"):
+                raise ValueError(
+                    f"{part}_{name} is {value.dtype} {value.shape}, expected as {wanted.tolist()}"
+                )
+            given[name] = tuple(value.tolist()) if value.shape else value.item()
+            free = name == "span" and given.get("end") == FREE
+            if value.dtype.kind != "U" and not (free or np.isfinite(value).all()):
+                raise ValueError(f"{part}_{name} is not finite")
+        read[part] = kind(**given)
+    ends = read["ends"]
+    if ends.start not in STARTS or ends.end not in FINISHES:
+        raise ValueError(f"ends are {ends.start!r} and {ends.end!r}, which no strip has")
+    return Parts(**read)
 
 
 def _scalar(name: str, value: np.ndarray[Any, Any]) -> float | str:

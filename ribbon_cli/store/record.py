@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from ribbon_cli.facts import kinds_of
+from ribbon_cli.parts import CLOSED, HALF_WIDTH, Parts
 
 if TYPE_CHECKING:
     import numpy as np
@@ -27,6 +28,7 @@ METRICS = ("euclidean", "physical")
 
 _UNKNOWNS = ("u", "g", "xi", "g_end")
 _MULTIPLIERS = ("lambda_1", "lambda_2", "lambda_3", "lambda_4", "lambda_5", "gamma")
+REACTIONS = ("reaction_force", "reaction_moment", "start_force", "start_moment")
 _GEOMETRY = ("midline", "kappa_s", "tau", "eta", "eta_prime")
 
 
@@ -103,9 +105,11 @@ class StateRecord:
     seam is closed, prescribed while it is open (`seam_open`; None means closed). `prescribed` (N,) marks
     rulings that an auxiliary problem holds; None means none. `cut_node` and `g_cut` (3,) belong to bands in
     two pieces alone. `spectra` are kept in the order of their metrics' names.
+    `parts` are ends, material and loads; a strip has ends, sigma 0 and no half-twists, and reactions (3,) of
+    what holds it. `bending_energy` is given where `energy` is more than that.
     `event_kinds` are words for `events`, one each; None means what the sentences of older files tell.
     `provenance` says which program made the state, where and when; it is no part of the scientific content.
-    Raises ValueError for an unknown kind, a label below 1 or two spectra in one metric.
+    Raises ValueError for an unknown kind, a label below 1, two spectra in a metric, or a closed band's ends.
     """
 
     label: int
@@ -158,13 +162,29 @@ class StateRecord:
     event_kinds: tuple[str, ...] | None = None
     prescribed: NDArray[np.bool_] | None = None
     seam_open: bool | None = None
+    parts: Parts = CLOSED
+    bending_energy: float | None = None
+    lambda_end: float | None = None
+    reaction_force: Array | None = None
+    reaction_moment: Array | None = None
+    start_force: Array | None = None
+    start_moment: Array | None = None
     provenance: Mapping[str, str | int | float] = field(default_factory=dict)
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """All parameters that the problem has, by name."""
+        names = self.parts.names(self.sigma)
+        others = {name: self.parts.value(name) for name in names if name != HALF_WIDTH}
+        return {HALF_WIDTH: self.half_width, **others}
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
             raise ValueError(f"kind must be one of {', '.join(KINDS)}, got {self.kind!r}")
         if self.label < 1:
             raise ValueError(f"labels start at 1, got {self.label}")
+        if (self.sigma == 0) != (self.parts.ends is not None):
+            raise ValueError("a strip has sigma 0 and ends, a closed band neither")
         spectra = tuple(sorted(self.spectra, key=lambda spectrum: spectrum.metric))
         if len({spectrum.metric for spectrum in spectra}) < len(spectra):
             raise ValueError("a state holds at most one spectrum in each metric")
@@ -172,8 +192,7 @@ class StateRecord:
         object.__setattr__(self, "events", tuple(str(event) for event in self.events))
         object.__setattr__(self, "event_kinds", kinds_of(self.events, self.event_kinds))
         _to_float64(self, _UNKNOWNS + _MULTIPLIERS + _GEOMETRY)
-        if self.g_cut is not None:
-            _to_float64(self, ("g_cut",))
+        _to_float64(self, tuple(name for name in ("g_cut", *REACTIONS) if getattr(self, name) is not None))
         if self.prescribed is not None:
             import numpy as np
 

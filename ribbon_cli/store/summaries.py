@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from operator import itemgetter
 from typing import Any
 
 from ribbon_cli.facts import kinds_of
+from ribbon_cli.parts import CLOSED, HALF_WIDTH, PARAMETERS
 from ribbon_cli.store.layout import BRANCH, STATE, Item
-from ribbon_cli.store.record import StateRecord
+from ribbon_cli.store.record import REACTIONS, StateRecord
 
 _TOPOLOGY = ("half_twists", "sigma")
+_OPEN = {"open": True}
+"""The topology of strips in JSON."""
+Vector = tuple[float | None, ...]
 _NONE: set[type] = {type(None)}
 _JSON: dict[str, set[type]] = {
     "bool": {bool},
@@ -103,6 +107,12 @@ class Summary:
     event_kinds: tuple[str, ...]
     branch: BranchSummary | None
     content_sha256: str
+    parameters: Mapping[str, float | None] = field(default_factory=dict, hash=False)
+    bending_energy: float | None = None
+    reaction_force: Vector | None = None
+    reaction_moment: Vector | None = None
+    start_force: Vector | None = None
+    start_moment: Vector | None = None
 
     @classmethod
     def of(cls, record: StateRecord, content: str | None = None) -> Summary:
@@ -116,6 +126,12 @@ class Summary:
             branch = BranchSummary(
                 **{item.field: _plain(record.branch, item) for item in BRANCH if item.summary}
             )
+        values["parameters"] = {name: _finite(value) for name, value in record.parameters.items()}
+        bending = record.energy if record.bending_energy is None else record.bending_energy
+        values["bending_energy"] = _finite(bending)
+        for name in REACTIONS:
+            reaction = getattr(record, name)
+            values[name] = None if reaction is None else tuple(map(_finite, map(float, reaction)))
         return cls(**values, branch=branch, content_sha256=content or content_sha256(record))
 
     @classmethod
@@ -131,7 +147,9 @@ class Summary:
         for name in _POSITIVE:
             if not (values[name] or 0) > 0:
                 raise ValueError(f"{name} of state {document['label']} is not positive")
-        values |= checked(document.get("topology"), _OF_TOPOLOGY, of)
+        topology = document.get("topology")
+        values |= dict.fromkeys(_TOPOLOGY, 0) if topology == _OPEN else checked(topology, _OF_TOPOLOGY, of)
+        values |= _newer(document, values, of)
         values["events"] = tuple(values["events"])
         values["event_kinds"] = _kinds(document, values["events"], of)
         on_branch = document.get("branch")
@@ -152,7 +170,10 @@ class Summary:
         """
         known = vars(self)
         document = dict(zip(_KEYS, _values(known), strict=True))
-        document["topology"] = {name: known[name] for name in _TOPOLOGY}
+        document["topology"] = {name: known[name] for name in _TOPOLOGY} if self.sigma else dict(_OPEN)
+        document["parameters"] = dict(self.parameters)
+        document["bending_energy"] = self.bending_energy
+        document |= {name: list(known[name]) for name in REACTIONS if known[name] is not None}
         document["events"] = list(self.events)
         document["event_kinds"] = list(self.event_kinds)
         if self.branch is not None:
@@ -167,10 +188,51 @@ class Summary:
     def agrees(self, document: Mapping[str, Any]) -> bool:
         """Whether a stored document is this summary; what a newer version has put into it is passed over.
 
-        One of an earlier format lacks the kinds of events, which its sentences tell.
+        One of an earlier format lacks the kinds of events, which its sentences tell, and what strips brought.
         """
-        known = {"event_kinds": list(kinds_of(self.events)), **document}
-        return all(key in known and known[key] == value for key, value in self.to_dict().items())
+        mine = self.to_dict()
+        brought = {name: mine[name] for name in ("parameters", "bending_energy")}
+        known = {"event_kinds": list(kinds_of(self.events)), **brought, **document}
+        return all(key in known and known[key] == value for key, value in mine.items())
+
+
+def _newer(document: dict[str, Any], values: dict[str, Any], of: str) -> dict[str, Any]:
+    """Parameters, bending energy and reactions, of which earlier formats of closed bands say nothing.
+
+    Raises ValueError unless they are numbers, or null.
+    """
+    known = {HALF_WIDTH: values["half_width"]} | dict.fromkeys(CLOSED.names(values["sigma"])[1:], 0.0)
+    found: dict[str, Any] = {
+        "parameters": document.get("parameters", known),
+        "bending_energy": document.get("bending_energy", values["energy"]),
+        **{name: document.get(name) for name in REACTIONS},
+    }
+    parameters, vectors = found["parameters"], [found[name] for name in REACTIONS if found[name] is not None]
+    if not isinstance(parameters, dict) or not parameters.keys() <= PARAMETERS.keys():
+        raise ValueError(f"parameters {of}")
+    if any(not isinstance(vector, list) or len(vector) != 3 for vector in vectors):
+        raise ValueError(f"a reaction {of}")
+    numbers = [
+        *parameters.values(),
+        found["bending_energy"],
+        *(part for vector in vectors for part in vector),
+    ]
+    if any(type(n) not in _JSON["float64"] or not math.isfinite(n or 0.0) for n in numbers):
+        raise ValueError(f"parameters, bending_energy or a reaction {of}")
+    return found | {name: tuple(found[name]) for name in REACTIONS if found[name] is not None}
+
+
+def varying(states: Iterable[Summary]) -> tuple[str, ...]:
+    """The parameters besides the half-width that have more than one value, in the order of their table."""
+    values: dict[str, set[float | None]] = {}
+    for state in states:
+        for name, value in state.parameters.items():
+            values.setdefault(name, set()).add(value)
+    return tuple(name for name in PARAMETERS if name != HALF_WIDTH and len(values.get(name, ())) > 1)
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
 
 
 def _kinds(document: dict[str, Any], events: tuple[str, ...], of: str) -> tuple[str, ...]:
