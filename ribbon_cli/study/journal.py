@@ -94,7 +94,12 @@ class Journal:
         return None if label is None else self.run.look_up(label)
 
     def lacks_saddle(self, stage: str) -> bool:
-        """Whether a saddle that was met in a stage was lost, and is not stored again."""
+        """Whether a saddle that was met in a stage was lost, and is not stored again.
+
+        Raises StoreError where the file of one that was not marked as lost is missing, or another.
+        """
+        for saddle in self._saddles.get(stage, ()):
+            self.run.look_up(saddle.label)
         return stage in self._lost_saddles
 
     def given_up(self, stage: str, parent: int | None) -> tuple[Status, str] | None:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from ..config import Arclength
 from ..errors import UsageError
+from ..facts import same_width
 from ..store import StateRecord, Summary, resolve_state
 from .branch import Branches
 from .journal import run_or_read
@@ -81,7 +82,7 @@ def _check(ref: str, record: StateRecord, request: Arclength) -> None:
                 f"--at: {width:g} is not between b = {min(ends):.12g} and {max(ends):.12g}, "
                 "where the branch is followed"
             )
-    if abs(request.to - record.half_width) <= 1e-9 * record.half_width:
+    if same_width(request.to, record.half_width):
         raise UsageError(f"{ref}: has b = {record.half_width:.12g} already")
 
 

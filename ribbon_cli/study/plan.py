@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ..config import Config
-from ..facts import same_width
+from ..facts import TOLERANCE, same_width
 from ..recipes import RECIPES
 
 SECONDS_PER_STATE = 0.05
@@ -49,7 +49,7 @@ def visits(widths: Sequence[float]) -> list[tuple[float, int]]:
     out = []
     for b in widths:
         insort(ordered, b)
-        same = bisect_right(ordered, b * (1.0 + 1e-9)) - bisect_left(ordered, b * (1.0 - 1e-9))
+        same = bisect_right(ordered, b * (1.0 + TOLERANCE)) - bisect_left(ordered, b * (1.0 - TOLERANCE))
         out.append((b, same))
     return out
 
