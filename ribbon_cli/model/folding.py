@@ -131,8 +131,8 @@ def _closure_derivative(folding: Folding, sigma: int) -> tuple[Array, Array]:
 def spins(before: Array, folding: Folding) -> Array:
     """Infinitesimal rotation vectors (N,2,3), in space, of unit changes of theta_i and eta_i.
 
-    `before` (N,3,3) are the frames that the folds start from. The vectors are the fold's axis a itself, and for
-    eta that of dR R^T = [v]x with v = sin(theta) a' + (1 - cos(theta)) a x a', a' = da/deta.
+    `before` (N,3,3) are the frames that the folds start from. The vectors are the fold's axis a itself, and
+    for eta that of dR R^T = [v]x with v = sin(theta) a' + (1 - cos(theta)) a x a', a' = da/deta.
     """
     w = 1.0 / np.sqrt(1.0 + folding.eta**2)
     zero = np.zeros(folding.theta.size)

@@ -10,7 +10,6 @@ Lk = 0.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -44,19 +43,13 @@ HALF_TURN = (
 """The stages of the half-turn, in order."""
 
 
-def eversion_stages(segments: int, steps: int) -> Iterator[Turn]:
-    """The auxiliary problems k = 0..steps, (3.6)-(3.8); k = 0 is the cylinder itself.
+def eversion_stage(segments: int, steps: int, index: float) -> Turn:
+    """The auxiliary problem after `index` steps, whole or not, of so many, (3.6)-(3.8); 0 is the cylinder.
 
     Raises ValueError if `segments` is odd, so that no ruling is opposite the first, or steps is not positive.
     """
     if segments % 2 or steps < 1:
         raise ValueError("an eversion needs an even number of segments and at least one step")
-    for k in range(steps + 1):
-        yield eversion_stage(segments, steps, k)
-
-
-def eversion_stage(segments: int, steps: int, index: float) -> Turn:
-    """The auxiliary problem after `index` steps, whole or not, of so many."""
     angle = 0.5 * math.pi * index / steps
     # Exact at the end, so that the halves fit when one is turned.
     sine, cosine = (1.0, 0.0) if index == steps else (math.sin(angle), math.cos(angle))

@@ -1,7 +1,8 @@
 """The strip between its ends: a planar elastica, under its loads, buckled to +y.
 
-In the plane the facets' tangents are (cos phi_i, sin phi_i, 0), all rulings are e_z, and the strip's energy is a
-function of the N angles alone: b/h times (1 - cos) of each fold, twice that at a clamp, with natural curvature
+In the plane the facets' tangents are (cos phi_i, sin phi_i, 0), all rulings are e_z, and the strip's energy
+is a function of the N angles alone: b/h times (1 - cos) of each fold, twice that at a clamp, with natural
+curvature
 and loads as in `model`. It is minimised with the end held at its place, on a coarse mesh. The plane is a
 symmetry of the strip, so that what is stationary within it is stationary.
 """
@@ -31,12 +32,14 @@ else:
     )
 
 COARSE = 24
-"""Segments of the mesh on which the elastica is looked for; on finer ones Newton's method goes on from there."""
+"""Segments of the mesh on which the elastica is looked for; on finer ones Newton's method goes on from
+there."""
 STEPS, TOLERANCE = 300, 1e-9
 LARGEST_MISFIT = 1e-6
 """How far, by the length, the end may be from its place."""
 SLACK = 0.1
-"""Weight of a change of eta beside one of theta where the ends' rulings are turned out of the plane's normal."""
+"""Weight of a change of eta beside one of theta where the ends' rulings are turned out of the plane's
+normal."""
 _WIDEST_BUMP = 3.8317
 """Amplitude of phi = A sin(2 pi s / l) at which its span, l J_0(A), is least."""
 
@@ -66,7 +69,8 @@ def _state(band: Band, ends: Ends, angles: Array) -> State:
 
 
 def _bump(band: Band, ends: Ends) -> Array:
-    """Angles (N,) to begin at: a bump to +y whose span is about right, or straight on where the end is free."""
+    """Angles (N,) to begin at: a bump to +y whose span is about right, or straight on where the end is
+    free."""
     part = _middles(band) / band.length
     if ends.end == FREE:
         return np.zeros(band.segments)

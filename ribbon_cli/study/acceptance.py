@@ -13,12 +13,16 @@ from ..model.topology import Linking, linking_number
 from ..recipes.eversion import not_everted
 from ..solver.newton import Options
 from ..solver.status import STATIONARY, Result, Status
-from .progress import Progress
+from .progress import Progress, Step, silence
 
 
-def options_for(half_twists: int, progress: Progress) -> Options:
+def options_for(half_twists: int, progress: Progress = silence) -> Options:
     """Options of a solve with a closed seam: it must keep its linking number."""
-    return Options(guard=_linking_guard(half_twists), watch=progress.step)
+
+    def watch(iteration: int, energy: float, residual: float) -> None:
+        progress(Step(iteration, energy, residual))
+
+    return Options(guard=_linking_guard(half_twists), watch=watch)
 
 
 def _linking_guard(half_twists: int) -> Callable[[State], str | None]:

@@ -29,6 +29,7 @@ from .clock import Clock
 from .closed_branches import TURNING, repeated, turns
 from .failure import Failure
 from .outcome import Course
+from .progress import Step
 from .records import multipliers_of, state_of
 from .walk import Ended, Stage, Walk
 
@@ -132,7 +133,7 @@ class Branches:
             return None, known, End(Reason.STEP_TOO_SMALL, base.half_width, f"no tangent here: {error}")
         if taken.point is not None:
             found = taken.point
-            self.walk.progress.step(found.steps, found.energy, found.worst, found.value)
+            self.walk.progress(Step(found.steps, found.energy, found.worst, found.value))
         self.walk.tell(stage, taken.refused)
         events: list[StateRecord] = []
         for found_on_it in _numbered(taken.events):

@@ -19,7 +19,7 @@ from ..store.events import Ended, GivenUp, Lost, removed
 from ..store.provenance import config_facts
 from .clock import Clock, Origin
 from .outcome import Outcome
-from .progress import Progress, Recording
+from .progress import Event, Note, Progress
 
 if TYPE_CHECKING:
     from ..config import SpectrumRequest
@@ -46,14 +46,15 @@ def run_or_read(run: Run, progress: Progress, study: Callable[[Progress], Outcom
     if run.has_leftovers:
         with suppress(StoreError, LockedError), run.writing():
             cleared = list(run.remarks)
-    told = Recording()
+    told: list[Event] = []
     try:
-        outcome = study(told)
+        outcome = study(told.append)
     except NotStoredError:
         with run.writing():
             run.remarks[:0] = cleared
             return study(progress)
-    told.replay(progress)
+    for event in told:
+        progress(event)
     return outcome
 
 
@@ -94,7 +95,12 @@ class Journal:
         return None if label is None else self.run.look_up(label)
 
     def lacks_saddle(self, stage: str) -> bool:
-        """Whether a saddle that was met in a stage was lost, and is not stored again."""
+        """Whether a saddle that was met in a stage was lost, and is not stored again.
+
+        Raises StoreError where the file of one that was not marked as lost is missing, or another.
+        """
+        for saddle in self._saddles.get(stage, ()):
+            self.run.look_up(saddle.label)
         return stage in self._lost_saddles
 
     def given_up(self, stage: str, parent: int | None) -> tuple[Status, str] | None:
@@ -138,7 +144,7 @@ class Journal:
     def note(self, text: str) -> None:
         """Tell whoever watches, and keep it for the outcome."""
         self.notes.append(text)
-        self.progress.note(text)
+        self.progress(Note(text))
 
     def end(self, outcome: Outcome) -> None:
         """Keep in the log which targets were missed, where that is news and the run is open for writing."""

@@ -7,12 +7,13 @@ from pathlib import Path
 
 from ..config import Arclength
 from ..errors import UsageError
+from ..facts import same_width
 from ..store import StateRecord, Summary, resolve_state
 from .branch import Branches
 from .journal import run_or_read
 from .natural import Natural
 from .outcome import Outcome
-from .progress import Progress, Silence
+from .progress import Progress, silence
 from .refine import walk_from
 
 
@@ -44,19 +45,16 @@ def continue_state(
         walk = walk_from(run, record, watcher, argv)
         for choice in taken:
             walk.journal.note(choice)
-        try:
-            if natural:
-                courses = [Natural(walk, request, Summary.of(record)).follow(f"from {record.label}")]
-            else:
-                branches = Branches(walk, request, record)
-                branches.follow(branch_name(record, request))
-                courses = branches.courses
-        finally:
-            watcher.done()
+        if natural:
+            courses = [Natural(walk, request, Summary.of(record)).follow(f"from {record.label}")]
+        else:
+            branches = Branches(walk, request, record)
+            branches.follow(branch_name(record, request))
+            courses = branches.courses
         notes, new = tuple(walk.journal.notes), walk.journal.new_states
         return Outcome(run, (), notes, new, tuple(courses))
 
-    return run_or_read(run, progress or Silence(), study)
+    return run_or_read(run, progress or silence, study)
 
 
 def _check(ref: str, record: StateRecord, request: Arclength) -> None:
@@ -81,7 +79,7 @@ def _check(ref: str, record: StateRecord, request: Arclength) -> None:
                 f"--at: {width:g} is not between b = {min(ends):.12g} and {max(ends):.12g}, "
                 "where the branch is followed"
             )
-    if abs(request.to - record.half_width) <= 1e-9 * record.half_width:
+    if same_width(request.to, record.half_width):
         raise UsageError(f"{ref}: has b = {record.half_width:.12g} already")
 
 

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from ..config import Config
-from ..facts import same_value, same_width
+from ..facts import TOLERANCE, same_value, same_width
 from ..parts import HALF_WIDTH, PARAMETERS
 from ..recipes import RECIPES
 
@@ -54,7 +54,7 @@ def visits(widths: Sequence[float]) -> list[tuple[float, int]]:
     out = []
     for b in widths:
         insort(ordered, b)
-        same = bisect_right(ordered, b * (1.0 + 1e-9)) - bisect_left(ordered, b * (1.0 - 1e-9))
+        same = bisect_right(ordered, b * (1.0 + TOLERANCE)) - bisect_left(ordered, b * (1.0 - TOLERANCE))
         out.append((b, same))
     return out
 

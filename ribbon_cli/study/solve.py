@@ -34,7 +34,7 @@ from .plan import (
     width_name,
     width_steps,
 )
-from .progress import Progress, Silence
+from .progress import Progress, silence
 from .walk import Walk
 
 if TYPE_CHECKING:
@@ -79,16 +79,13 @@ def solve_config(
         for module in _COMPUTING if run.is_writing else ():
             import_module(module, __package__)
         one_pass = _Study(config, run, given, watcher, argv)
-        try:
-            for remark in remarks:
-                one_pass.journal.note(remark)
-            outcome = one_pass.run()
-            one_pass.journal.end(outcome)
-            return outcome
-        finally:
-            watcher.done()
+        for remark in remarks:
+            one_pass.journal.note(remark)
+        outcome = one_pass.run()
+        one_pass.journal.end(outcome)
+        return outcome
 
-    return run_or_read(run, progress or Silence(), study)
+    return run_or_read(run, progress or silence, study)
 
 
 def _check_solvable(config: Config) -> None:

@@ -17,6 +17,7 @@ from .clock import Clock, Origin
 from .failure import Failure
 from .journal import Journal
 from .progress import Progress
+from .progress import Stage as Begun
 
 if TYPE_CHECKING:
     from ..config import SpectrumRequest
@@ -95,7 +96,8 @@ class Walk:
     def begin(self, stage: str, half_width: float, segments: int) -> None:
         """Announce a stage."""
         self._index += 1
-        self.progress.stage(stage, self._index, max(self._total, self._index), half_width, segments)
+        total = max(self._total, self._index)
+        self.progress(Begun(stage, self._index, total, half_width, segments))
 
     def tell(self, stage: str, events: Iterable[object]) -> None:
         """Note what happened in a stage."""
