@@ -9,6 +9,7 @@ import pytest
 from references import curved, heavy
 from references.helix import Helix, whole_turns
 from references.planar import buckled, euler_load
+from references.singular import branch_point_in_span, fold_in_tilt, shot
 from scipy.integrate import quad, solve_ivp
 from scipy.spatial.transform import Rotation
 
@@ -98,7 +99,7 @@ def test_the_helix_of_whole_turns_ends_with_the_frame_it_started_with() -> None:
 
 
 def test_the_moment_of_the_helix_keeps_its_components_along_the_strip() -> None:
-    """Forces and moments balance at every s where the strip's law, at constant kappa and eta, asks for this."""
+    """Forces and moments balance at every s, by the law for constant kappa and eta."""
     helix = Helix(2.0, 0.5, B, L)
     for s in np.linspace(0, L, 5):
         moment = -helix.start_moment + np.cross(helix.force, helix.point(s))
@@ -221,3 +222,58 @@ def test_the_cantilever_shot_from_its_start_meets_a_free_end(
     last = solve_ivp(rates, (0, 1), first, method="DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
     assert last == pytest.approx([found.tilt, 0.0, *found.end, found.bending], abs=1e-8)
     assert found.force == pytest.approx((*end_force, 0.0), abs=1e-12)
+
+
+def _determinant(
+    p: list[float], rows: tuple[int, ...] = (0, 2, 3), columns: tuple[int, ...] = (0, 1, 2)
+) -> float:
+    return float(np.linalg.det(shot(np.array(p))[1][np.ix_(rows, columns)]))
+
+
+def test_the_determinant_of_shooting_vanishes_where_equilibria_are_known_to_be_critical() -> None:
+    """At Euler's load of the flat strip, and at span 0, where every start on the figure-eight will do."""
+    loads = [-4 * math.pi**2 * (1 + k) for k in (-1e-3, 0, 1e-3)]
+    # The flat strip does not move along x.
+    flat = [_determinant([0.0, load, 0.0], (0, 3), (0, 2)) for load in loads]
+    assert flat[0] * flat[2] < 0
+    assert abs(flat[1]) < 1e-10
+    eights = []
+    for span in (-1e-3, 0.0, 1e-3):
+        strip = buckled(span, 1.0)
+        eights.append(_determinant([strip.moment[2], strip.force[0], 0.0]))
+    assert eights[0] * eights[2] < 0
+    assert abs(eights[1]) < 1e-9
+
+
+def test_a_fold_in_tilt_is_where_two_equilibria_meet() -> None:
+    fold = fold_in_tilt(0.75, 0.0, (7.9, -65.0, 8.9, 0.89))
+    assert (fold.span, fold.lift) == pytest.approx((0.75, 0.0), abs=1e-9)
+    # The branch of equilibria passes the fold with a turn in the tilt, and the energy has a cusp there:
+    # dE/dtilt is the moment on both sides.
+    tilts, energies = [], []
+    for push in (-1e-2, 1e-2):
+        p = np.array([_start_curvature(fold), *fold.force])
+        p[2] += push
+        for _ in range(6):
+            z, d = shot(p)
+            p[:2] -= np.linalg.solve(d[[2, 3], :2], z[[2, 3]] - [0.75, 0.0])
+        z = shot(p)[0]
+        tilts.append(z[0])
+        energies.append(z[4])
+    assert max(tilts) < fold.tilt
+    assert np.array(energies) - fold.energy == pytest.approx(
+        fold.moment * (np.array(tilts) - fold.tilt), rel=0.05
+    )
+
+
+def _start_curvature(critical) -> float:
+    """theta'(0) from the balance of moments: m(0) = m(1) + r x n."""
+    return critical.moment + critical.span * critical.force[1] - critical.lift * critical.force[0]
+
+
+def test_the_branch_point_has_the_half_turns_symmetry_and_no_moment() -> None:
+    """The span is AUTO-07p's, see tests/auto; that the clamps' moments vanish there is balance of moments."""
+    found = branch_point_in_span(0.3, (0.1, -38.0, -12.3, 0.93))
+    assert (found.lift, found.tilt) == pytest.approx((0.3, 0.0), abs=1e-9)
+    assert found.moment == pytest.approx(_start_curvature(found), abs=1e-8)
+    assert found.span == pytest.approx(0.928439303, abs=2e-9)
