@@ -271,9 +271,19 @@ def _start_curvature(critical) -> float:
     return critical.moment + critical.span * critical.force[1] - critical.lift * critical.force[0]
 
 
-def test_the_branch_point_has_the_half_turns_symmetry_and_no_moment() -> None:
-    """The span is AUTO-07p's, see tests/auto; that the clamps' moments vanish there is balance of moments."""
-    found = branch_point_in_span(0.3, (0.1, -38.0, -12.3, 0.93))
-    assert (found.lift, found.tilt) == pytest.approx((0.3, 0.0), abs=1e-9)
-    assert found.moment == pytest.approx(_start_curvature(found), abs=1e-8)
+@pytest.mark.parametrize("lift", [0.1, 0.3])
+def test_the_branch_point_is_a_critical_equilibrium_with_the_half_turns_symmetry(lift: float) -> None:
+    found = branch_point_in_span(lift)
+    p = np.array([0.0, *found.force])
+    z, d = shot(p)
+    assert z == pytest.approx([0.0, 0.0, found.span, found.lift, found.energy], abs=1e-10)
+    assert found.lift == pytest.approx(lift, abs=1e-12)
+    singular = np.linalg.svd(d[[0, 2, 3]])[1]
+    assert singular[2] < 1e-9 * singular[0] < 1e-3 * singular[1]
+
+
+def test_the_branch_point_is_where_auto_finds_it() -> None:
+    """The values that tests/auto prints."""
+    found = branch_point_in_span(0.3)
     assert found.span == pytest.approx(0.928439303, abs=2e-9)
+    assert found.force == pytest.approx((-38.0286588, -12.2879303), abs=1e-5)
