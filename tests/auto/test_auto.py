@@ -1,4 +1,4 @@
-"""Folds and branch points by AUTO-07p against the references; `make test-auto` names the Python that has it."""
+"""Folds and branch points by AUTO-07p against the references; run by `make test-auto`."""
 
 from __future__ import annotations
 
