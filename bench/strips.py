@@ -257,20 +257,45 @@ def planar_start(segments: int, span: float, length: float = 1.0) -> StripStart:
     return StripStart(u, np.tile([0.0, 0.0, 1.0], (segments + 1, 1)), np.zeros(segments))
 
 
+@dataclass
+class Path:
+    """States along a path, and what they cost: solves that failed apart."""
+
+    states: list[StripResult] = field(default_factory=list)
+    failures: list[str] = field(default_factory=list)
+    seconds: float = 0.0
+    failed_seconds: float = 0.0
+    iterations: int = 0
+
+    def take(self, result: StripResult, where: str) -> bool:
+        """Count a solve, and keep its state if it succeeded; whether it did."""
+        self.iterations += result.iterations
+        if result.success:
+            self.seconds += result.seconds
+            self.states.append(result)
+        else:
+            self.failed_seconds += result.seconds
+            self.failures.append(f"{where}: {result.status}")
+        return result.success
+
+
 def shear_path(
     peer: StripPeer, start: StripStart, span: float, half_width: float, shear: float, steps: int
-) -> list[StripResult]:
-    """From `start` at shear 0 to `shear` in equal steps, each from the last state and multipliers.
-
-    Stops after a step that IPOPT calls no success; it is the last of the results.
-    """
-    found = [peer.solve(start, half_width, Clamps(np.array([span, 0.0, 0.0])))]
-    for k in range(1, steps + 1):
-        if not found[-1].success:
-            break
-        here = Clamps(np.array([span, 0.0, shear * k / steps]))
-        found.append(peer.solve(found[-1], half_width, here, found[-1].multipliers))
-    return found
+) -> Path:
+    """From `start` at shear 0 to `shear` in equal steps, each from the last state and its multipliers, and
+    without these where that fails; the path ends where both fail."""
+    path = Path()
+    state, multipliers = start, None
+    for k in range(steps + 1):
+        clamps = Clamps(np.array([span, 0.0, shear * k / steps]))
+        for warm in (multipliers, None) if multipliers is not None else (None,):
+            result = peer.solve(state, half_width, clamps, warm)
+            if path.take(result, f"shear {shear * k / steps:.3f}"):
+                break
+        else:
+            return path
+        state, multipliers = result, result.multipliers
+    return path
 
 
 def main() -> None:
@@ -279,10 +304,12 @@ def main() -> None:
         for rule in RULES:
             peer = build(n, rule)
             path = shear_path(peer, planar_start(n, 0.75), 0.75, 0.05, 0.3, 20)
-            seconds, iterations = sum(r.seconds for r in path), sum(r.iterations for r in path)
-            print(f"N = {n}, {rule}: {len(path)} solves, {iterations} iterations, {seconds:.2f} s")
-            for k in range(0, len(path), 5):
-                shear, state = 0.3 * k / 20, path[k]
+            print(
+                f"N = {n}, {rule}: {len(path.states)} states, {path.iterations} iterations, "
+                f"{path.seconds:.2f} s and {path.failed_seconds:.2f} s in {len(path.failures)} failures"
+            )
+            for k in range(0, len(path.states), 5):
+                shear, state = 0.3 * k / 20, path.states[k]
                 print(f"  shear {shear:.3f}: E = {state.energy:.10f}, force {state.force}, {state.status}")
 
 

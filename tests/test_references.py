@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -287,3 +288,18 @@ def test_the_branch_point_is_where_auto_finds_it() -> None:
     found = branch_point_in_span(0.3)
     assert found.span == pytest.approx(0.928439303, abs=2e-9)
     assert found.force == pytest.approx((-38.0286588, -12.2879303), abs=1e-5)
+
+
+def test_the_page_on_strips_has_the_critical_points() -> None:
+    page = (Path(__file__).parents[1] / "docs" / "strips.md").read_text(encoding="utf-8")
+    lines = [line for line in page.splitlines() if line.startswith(("| fold", "| branch"))]
+    written = [[float(cell.replace("−", "-")) for cell in line.split("|")[2:-1]] for line in lines]
+    eight = buckled(0.0, 1.0)
+    found = [
+        fold_in_tilt(0.75, 0.0, (7.9, -65.0, 8.9, 0.89)),
+        fold_in_tilt(0.75, 0.3, (10.8, -68.4, -19.4, 1.2)),
+        branch_point_in_span(0.3),
+    ]
+    rows = [[f.span, f.lift, f.tilt, f.energy, *f.force] for f in found]
+    rows.append([0.0, 0.0, 0.0, eight.energy, *eight.force[:2]])
+    assert np.array(written) == pytest.approx(np.array(rows), abs=6e-8)
