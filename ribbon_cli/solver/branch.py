@@ -118,7 +118,8 @@ def advance(base: Point, tangent: Tangent, length: float, options: BranchOptions
             found = events_of(segment, (*options.values, options.low, options.high))
             break
         except ArithmeticError as error:  # those of corrector, factorisation, location, and division by zero
-            refused.append(happening("step-refused", length=length, start=base.value, why=error))
+            start = {"symbol": base.symbol, "start": base.value}
+            refused.append(happening("step-refused", length=length, **start, why=error))
             if length <= options.least_step:
                 stuck = End(Reason.STEP_TOO_SMALL, base.value, str(error))
                 return Advance((), None, None, 0.0, 0.0, tuple(refused), stuck)

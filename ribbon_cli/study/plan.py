@@ -72,6 +72,26 @@ class Goal:
     ends_leg: bool = True
 
     @property
+    def one(self) -> str | None:
+        """The parameter that moves, None where several do together."""
+        return next(iter(self.to)) if len(self.to) == 1 else None
+
+    def distance(
+        self, here: Mapping[str, float | None], there: Mapping[str, float | None] | None = None
+    ) -> float:
+        """How far a place is from the goal or from another place, by the parameter that moves first."""
+        name, end = next(iter(self.to.items()))
+        return abs((end if there is None else there[name] or 0.0) - (here[name] or 0.0))
+
+    def holds(self, here: Mapping[str, float]) -> bool:
+        """Whether a place is the goal, to the last digit."""
+        return all(here[name] == value for name, value in self.to.items())
+
+    def reached(self, here: Mapping[str, float | None], length: float) -> bool:
+        """Whether a place is the goal, but for rounding."""
+        return all(same_value(name, here[name] or 0.0, value, length) for name, value in self.to.items())
+
+    @property
     def name(self) -> str:
         """The stage that ends there, which is the key by which a run is resumed."""
         return place_name(self.to, self.visit)
