@@ -9,6 +9,9 @@ import pytest
 
 pytest.importorskip("casadi")
 
+from references.curved import FoldedArc
+from references.helix import whole_turns
+
 from bench import run, strips
 from bench.machine import machine, versions
 
@@ -76,3 +79,35 @@ def test_the_peers_path_counts_its_solves() -> None:
     assert path.failures == []
     assert path.iterations == sum(state.iterations for state in path.states)
     assert path.states[0].energy < path.states[1].energy < path.states[2].energy
+
+
+@pytest.mark.parametrize("rule", strips.RULES)
+def test_the_peers_strip_between_clamps_on_a_helix_tends_to_it(rule: str) -> None:
+    """Energy and force at order 2: the discrete clamps and the closed form hold each other."""
+    helix = whole_turns(0.5, 0.05)
+    ruling = helix.ruling(0.0)
+    clamps = strips.Clamps(helix.point(1.0), rulings=(ruling, ruling))
+    errors = []
+    for n in (25, 50):
+        u = np.array([helix.frame((i + 0.5) / n)[:, 0] for i in range(n)])
+        start = strips.StripStart(u, np.tile(ruling, (n + 1, 1)), np.zeros(n))
+        found = strips.build(n, rule).solve(start, 0.05, clamps)
+        assert found.success
+        errors.append([abs(found.energy - helix.energy), np.linalg.norm(found.force - helix.force)])
+    assert np.array(errors[0]) / errors[1] == pytest.approx(4, abs=0.35)
+    assert errors[1][0] < 0.002 * helix.energy
+    assert errors[1][1] < 0.002 * np.linalg.norm(helix.force)
+
+
+def test_the_folded_arc_is_an_equilibrium_of_the_peer() -> None:
+    arc = FoldedArc(12, 0.15, 0.05)
+    last = np.array([np.cos(arc.tilt), np.sin(arc.tilt), 0.0])
+    clamps = strips.Clamps(np.array([arc.span, arc.lift, 0.0]), tangents=(np.array([1.0, 0.0, 0.0]), last))
+    u = np.column_stack((np.cos(arc.angles), np.sin(arc.angles), np.zeros(12)))
+    start = strips.StripStart(u, np.tile([0.0, 0.0, 1.0], (13, 1)), np.zeros(12))
+    found = strips.build(12).solve(start, 0.05, clamps)
+    assert found.success
+    assert found.iterations <= 2
+    assert found.energy == pytest.approx(arc.energy, rel=1e-12)
+    assert found.u == pytest.approx(u, abs=1e-9)
+    assert found.force == pytest.approx(0.0, abs=1e-9)
