@@ -1,4 +1,4 @@
-"""Symmetries of strips with ends: first those of what holds and loads a strip, then which of them a state has.
+"""Symmetries of strips with ends: first those of what holds and loads them, then which of them a state has.
 
 A strip can be run through backwards and turned over (g -> -g), never shifted. What holds it, the clamps'
 tangents, rulings and places and the directions of its loads, is data: an orthogonal map Q with a relabelling

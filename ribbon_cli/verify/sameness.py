@@ -131,6 +131,10 @@ def _facts(first: StateRecord, second: StateRecord) -> Iterator[tuple[str, bool]
         for r in (first, second)
     ]
     yield "/branch/type", points[0] == points[1]
+    ways = [None if r.branch is None else r.branch.parameter or HALF_WIDTH for r in (first, second)]
+    yield "/branch/parameter", ways[0] == ways[1]
+    loaded = [r.bending_energy is None for r in (first, second)]
+    yield "/state/bending_energy", loaded[0] == loaded[1]
     soft = [r.branch is not None and r.branch.soft_mode is not None for r in (first, second)]
     yield "/branch/soft_mode", soft[0] == soft[1]
 
@@ -172,7 +176,7 @@ def _checks(first: StateRecord, second: StateRecord) -> tuple[str | None, list[_
         checks.append(_Check(f"/state/{name}", _apart(one[:, part], two[:, part]), limit))
     for record in (first, second) if Status(first.status) in STATIONARY else ():
         checks += _equations(record)
-    checks.append(_energy(first, second, drift))
+    checks += _energies(first, second, drift)
     amplified = first.segments**2 * drift
     checks += _derived(first, second, amplified)
     if image is None:
@@ -211,13 +215,19 @@ def _equations(record: StateRecord) -> Iterator[_Check]:
         yield _Check(f"/certificate/{name}", 0.0 if excess <= slack[name] else excess, slack[name])
 
 
-def _energy(first: StateRecord, second: StateRecord, drift: float) -> _Check:
-    """Energies, which are stationary: a drift counts by its square, and constraints by their multipliers."""
+def _energies(first: StateRecord, second: StateRecord, drift: float) -> Iterator[_Check]:
+    """Energies, which are stationary: a drift counts by its square, and constraints by their multipliers.
+
+    What bends alone is not stationary.
+    """
     size = max(map(energy_size, (first, second)))
     relative = abs(first.energy - second.energy) / size if first.energy != second.energy else 0.0
     left = sum(record.constraint_residual * _largest_multiplier(record) for record in (first, second))
     off = PER_NODE * first.length * left / size if size > 0.0 else 0.0
-    return _Check("/state/energy", relative, ENERGY + off + (first.segments * drift) ** 2)
+    yield _Check("/state/energy", relative, ENERGY + off + (first.segments * drift) ** 2)
+    if first.bending_energy is not None and second.bending_energy is not None:
+        apart = abs(first.bending_energy - second.bending_energy) / size if size > 0.0 else 0.0
+        yield _Check("/state/bending_energy", apart, DERIVED + first.segments**2 * drift)
 
 
 def _largest_multiplier(record: StateRecord) -> float:
@@ -252,6 +262,9 @@ def _derived_arrays(first: StateRecord, second: StateRecord, amplified: float) -
         yield _Check(
             f"/multipliers/{name}", _apart(getattr(first, name), getattr(second, name), largest), limit
         )
+    if first.lambda_end is not None and second.lambda_end is not None:
+        ends = np.array([first.lambda_end]), np.array([second.lambda_end])
+        yield _Check("/multipliers/lambda_end", _apart(*ends, max(1.0, largest)), limit)
     for name in REACTIONS if first.reaction_force is not None else ():
         pair = getattr(first, name), getattr(second, name)
         yield _Check(f"/reactions/{name}", _apart(*pair, max(1.0, largest)), limit)
