@@ -9,8 +9,9 @@ from ..config import Arclength
 from ..solver.branch import End, Reason
 from ..solver.status import Status
 from ..store import Summary
+from .branch_tables import course_point
 from .failure import Failure
-from .outcome import Course, CoursePoint
+from .outcome import Course
 from .plan import MOST_HALVINGS
 from .records import multipliers_of, state_of
 from .stepping import width_step
@@ -45,7 +46,7 @@ class Natural:
         end = end or End(Reason.RANGE, to)
         message = f"{end.reason.sentence} {end.detail}".strip()
         self.journal.note(f"{name} ends at b = {end.half_width:.12g}: {message}")
-        points = tuple(_point(record, kind) for record, kind in self.met)
+        points = tuple(course_point(record, kind) for record, kind in self.met)
         return Course(name, self.start.label, points, end.reason.value, end.half_width, message)
 
     def _reach(self, name: str, current: Summary, b: float) -> tuple[Summary, End | None]:
@@ -120,22 +121,3 @@ class Natural:
 
 def _stage(name: str, start: Summary, b: float, kind: str) -> Stage:
     return Stage(f"{name}, b = {float(b)!r}", b, start.segments, kind, start.label, start=start.half_width)
-
-
-def _point(record: Summary, kind: str) -> CoursePoint:
-    return CoursePoint(
-        label=record.label,
-        type=kind,
-        half_width=record.half_width,
-        energy=record.energy,
-        status=record.status,
-        negative_eigenvalues=record.negative_eigenvalues,
-        index_before=None,
-        index_after=None,
-        lowest_eigenvalue=None,
-        sliding_overlap=None,
-        linking_number=record.linking_number,
-        self_contact=record.self_contact,
-        clearance=record.clearance,
-        arclength=None,
-    )
