@@ -14,6 +14,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from format_tables import dimensions_markdown, layout_markdown
 from store_support import make_record, make_spectrum
 
 from ribbon_cli.parts import Ends, Loads, Material
@@ -26,20 +27,10 @@ from ribbon_cli.store import (
     content_sha256,
     decode,
     encode,
-    layout_markdown,
     write_atomic,
 )
 from ribbon_cli.store.hdf5 import decode_bytes
-from ribbon_cli.store.layout import (
-    BRANCH,
-    DIMENSIONS,
-    ENDS,
-    LOADS,
-    MATERIAL,
-    SPECTRUM,
-    STATE,
-    dimensions_markdown,
-)
+from ribbon_cli.store.layout import BRANCH, DIMENSIONS, ENDS, LOADS, MATERIAL, SPECTRUM, STATE
 from ribbon_cli.store.record import REACTIONS
 
 OF_STRIPS = ("bending_energy", "lambda_end", *REACTIONS)

@@ -20,9 +20,10 @@ from ribbon_cli.store.atomic import without_waiting
 from ribbon_cli.store.content import values_sha256
 from ribbon_cli.store.fields import Field, assemble, flatten, scales, value_dtype, value_shape
 from ribbon_cli.store.layout import DIMENSIONS, EVENTS, FORMAT, FORMAT_VERSION, KINDS_OF_EVENTS, SIGNALS
-from ribbon_cli.store.preamble import block_size, check_seal, check_version, head_version, seal
+from ribbon_cli.store.preamble import block_size, check_seal, check_version, head_version, refuse_newer, seal
 from ribbon_cli.store.record import StateRecord
 from ribbon_cli.store.summaries import Summary
+from ribbon_cli.text import in_a_line
 
 if TYPE_CHECKING:
     import h5py
@@ -274,8 +275,7 @@ def decode_bytes(data: bytes, source: str) -> StateRecord:
                 raise ValueError("the summary in its head is not that of its content")
             return record
     except UNREADABLE as error:
-        reason = " ".join(str(error).split()) or type(error).__name__
-        raise StoreError(f"{source}: damaged, or not a state file: {reason}") from error
+        raise StoreError(f"{source}: damaged, or not a state file: {in_a_line(error)}") from error
 
 
 def _check_root(file: h5py.File, source: str, head: str | None) -> str:
@@ -289,9 +289,8 @@ def _check_root(file: h5py.File, source: str, head: str | None) -> str:
         raise StoreError(f"{source}: a packed run, no state: `ribbon unpack` makes a run of it again")
     if name != FORMAT:
         raise ValueError(f"its format is {name!r}, not {FORMAT!r}")
+    refuse_newer(version, source)
     major, _, minor = version.partition(".")
-    if int(major) > int(FORMAT_VERSION.partition(".")[0]):
-        raise StoreError(f"{source}: written in format {version}, newer than {FORMAT_VERSION}: update ribbon")
     if head != (version if (int(major), int(minor)) > (1, 0) else None):
         raise ValueError("its head is missing, or of another version")
     return text_attribute(file, "content_sha256")
