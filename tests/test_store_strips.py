@@ -206,14 +206,14 @@ def test_what_is_left_out_takes_the_config_s_last_value(run: Run) -> None:
     [
         ("shear=0.2", "has no equilibrium with shear = 0.2: it has shear = 0, 0.15, 0.3"),
         ("shaer=0.3", "no parameter 'shaer'; did you mean shear?"),
-        ("b=0.1,half_width=0.1", "gives half_width twice"),
+        ("b=0.1,half_width=0.1", "half_width is given twice"),
         ("b=x", "b must be a number, got 'x'"),
-        ("gap=1", "no parameter 'gap': known are b"),
+        ("gap=1", "expected RUN@b=...,N=..., got 'gap=1': no parameter 'gap'"),
         (
             "natural_curvature=1",
             "has no equilibrium with natural_curvature = 1: it has natural_curvature = 0",
         ),
-        ("b=0.05,N=40", "has no equilibrium with b = 0.05 and N = 40: it has N = 10, 20"),
+        ("b=0.05,N=40", "with b = 0.05 and shear = 0.3 and N = 40: it has N = 10, 20"),
     ],
 )
 def test_what_is_not_there_is_told(run: Run, tmp_path: Path, query: str, message: str) -> None:
