@@ -91,6 +91,7 @@ def build_record(label: int, reached: Reached, clock: Clock, spectrum: SpectrumR
         segments=band.segments,
         half_twists=reached.half_twists,
         discretisation=band.discretisation.value,
+        parts=band.parts,
         stage=reached.stage,
         u=state.u,
         g=state.g,
@@ -209,7 +210,12 @@ def _spectrum_record(spectrum: Spectrum) -> SpectrumRecord:
 def state_of(record: StateRecord) -> State:
     """The discrete state of a record."""
     band = Band(
-        record.segments, record.half_width, record.length, record.sigma, Discretisation(record.discretisation)
+        record.segments,
+        record.half_width,
+        record.length,
+        record.sigma,
+        Discretisation(record.discretisation),
+        record.parts,
     )
     return State(band, record.u, record.g, record.xi)
 
