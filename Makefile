@@ -13,6 +13,8 @@ MINIMUM_PYTHON ?= python3.11
 MINIMUM := .venv-minimum
 # Interpreters in which the built package is installed and used; those that are not here are left out.
 PACKAGE_PYTHONS ?= python3.11 python3.12 python3.13
+# AUTO-07p, in an environment of its own: bifpy compiles it, which needs gfortran and GNU make.
+AUTO := .venv-auto
 READERS := tests/readers/node_modules
 # Of what pip says, errors alone are shown.
 PIP := $(BIN)/python -m pip -qq --disable-pip-version-check
@@ -21,7 +23,7 @@ PIP := $(BIN)/python -m pip -qq --disable-pip-version-check
 .DELETE_ON_ERROR:
 FIGURES := $(addprefix figure-3.,1 2 3 4 5 6 7 8 9 10 11 12 13 14)
 .PHONY: help setup table-3.1 paper $(FIGURES) gallery checkerboard everted-cylinder everted-moebius docs
-.PHONY: test test-docs test-minimum test-package test-browser test-readers test-large test-branches test-faults lint bench same-as clean
+.PHONY: test test-docs test-minimum test-package test-browser test-readers test-large test-branches test-faults test-auto lint bench same-as clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z][a-z0-9.-]*\):.*## \(.*\)/make \1|\2/p' Makefile | awk -F'|' '{printf "%-17s %s\n", $$1, $$2}'
@@ -62,7 +64,7 @@ test-docs: $(READY_DEV) ## run the examples of the reference and background page
 	@$(BIN)/python -m pytest -m docs -n auto --maxprocesses 4
 
 test-minimum: $(MINIMUM)/ready ## run the quick tests on the lowest supported versions
-	@$(MINIMUM)/bin/python -m pytest -m "not slow and not docs and not large and not faults and not browser and not branches and not package and not readers" \
+	@$(MINIMUM)/bin/python -m pytest -m "not slow and not docs and not large and not faults and not browser and not branches and not package and not readers and not auto" \
 		--ignore=tests/test_resume.py --ignore=tests/test_study.py --ignore=tests/test_table_3_1.py \
 		--ignore=tests/test_export_formats.py --ignore=tests/test_export_bands.py \
 		--ignore=tests/test_hdf5_readers.py --ignore=tests/test_api_door.py --ignore=tests/test_notebook.py \
@@ -89,6 +91,9 @@ test-branches: $(READY_DEV) ## follow 300 random branches: none ends in an error
 test-faults: $(READY_DEV) ## run the long fault tests of the store: kills, failing calls, crash images, damage
 	@$(BIN)/python -m pytest -m faults -n auto --maxprocesses 4 --durations=0
 
+test-auto: $(READY_DEV) $(AUTO)/ready ## compare folds and branch points with AUTO-07p, a minute (apt install gfortran)
+	@AUTO_PYTHON=$(CURDIR)/$(AUTO)/bin/python $(BIN)/python -m pytest -m auto -rs tests/auto
+
 lint: $(READY_DEV) ## check style, format and types
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
@@ -101,8 +106,8 @@ bench: $(READY_BENCH) ## measure the solver against CasADi with IPOPT, and the s
 same-as: setup ## compare results, exit codes, JSON and speed with those of COMMIT
 	@$(BIN)/python -m bench.same $(COMMIT) $(SAME)
 
-clean: ## remove .venv, .venv-minimum, packages of tests and caches; runs stay
-	rm -rf $(VENV) $(MINIMUM) $(READERS) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .coverage
+clean: ## remove .venv, .venv-minimum, .venv-auto, packages of tests and caches; runs stay
+	rm -rf $(VENV) $(MINIMUM) $(AUTO) $(READERS) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis .coverage
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 $(READY): pyproject.toml
@@ -135,6 +140,13 @@ $(MINIMUM)/ready: pyproject.toml constraints/minimum.txt
 	@$(MINIMUM)/bin/python -m pip -qq --disable-pip-version-check install --only-binary :all: -r constraints/minimum.txt
 	@$(MINIMUM)/bin/python -m pip -qq --disable-pip-version-check install --no-deps --editable .
 	@$(MINIMUM)/bin/python -m pip --disable-pip-version-check check
+	@touch $@
+
+$(AUTO)/ready:
+	@command -v gfortran > /dev/null || { echo "AUTO-07p is compiled by gfortran, which is not here: apt install gfortran" >&2; exit 1; }
+	@echo "setting up $(AUTO), once" >&2
+	@$(PYTHON) -m venv --clear $(AUTO)
+	@$(AUTO)/bin/python -m pip -qq --disable-pip-version-check install 'bifpy==0.3.0'
 	@touch $@
 
 $(READERS)/ready: tests/readers/package.json

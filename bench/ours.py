@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from ribbon_cli.model.band import Array, Band, State
 from ribbon_cli.model.problem import Problem
 from ribbon_cli.recipes.cylinder import cylinder
-from ribbon_cli.recipes.twist import twist_stages
+from ribbon_cli.recipes.twist import twist_stage
 from ribbon_cli.solver.continuation import Move, to_segments, to_width
 from ribbon_cli.solver.inertia import inertia
 from ribbon_cli.solver.kkt import KKTMatrix
@@ -20,7 +20,6 @@ from ribbon_cli.solver.newton import Options, estimate_multipliers, inverted_fac
 from ribbon_cli.solver.prolongation import Phase, phase_of, smooth
 from ribbon_cli.solver.status import Result
 from ribbon_cli.study.acceptance import checked, options_for
-from ribbon_cli.study.progress import Silence
 
 from .peer import PeerResult, Start
 
@@ -54,7 +53,7 @@ class Reached:
 
 def solve_options() -> Options:
     """Options of a study's solves: the linking number is guarded."""
-    return options_for(HALF_TWISTS, Silence())
+    return options_for(HALF_TWISTS)
 
 
 def twisted_guess(segments: int, half_width: float) -> State:
@@ -64,7 +63,8 @@ def twisted_guess(segments: int, half_width: float) -> State:
     """
     band = Band(segments, half_width, sigma=SIGMA)
     state, multipliers = cylinder(band), None
-    for stage in twist_stages(HALF_TWISTS, TWIST_STEPS):
+    for k in range(1, TWIST_STEPS + 1):
+        stage = twist_stage(HALF_TWISTS, TWIST_STEPS, k)
         problem = Problem(band, stage.prescription)
         found = solve(problem, state.vector(), multipliers, Options(guard=stage.guard))
         state, multipliers = certified(found, problem).state, found.multipliers

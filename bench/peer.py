@@ -30,7 +30,7 @@ from scipy import sparse
 Array = NDArray[np.float64]
 
 TOLERANCE = 1e-9
-_OPTIONS: dict[str, Any] = {
+OPTIONS: dict[str, Any] = {
     "print_time": False,
     "ipopt.print_level": 0,
     "ipopt.sb": "yes",
@@ -133,7 +133,7 @@ def build(segments: int, sigma: int, rule: str = "thesis", length: float = 2 * m
         raise ValueError(f"no problem with rule {rule!r}, sigma = {sigma}, N = {segments}")
     began = time.perf_counter()
     problem, derivatives = _problem(segments, sigma, rule, length)
-    options = {**_OPTIONS, **derivatives}
+    options = {**OPTIONS, **derivatives}
     cold = ca.nlpsol("cold", "ipopt", problem, options)
     warm = ca.nlpsol("warm", "ipopt", problem, {**options, "ipopt.warm_start_init_point": "yes"})
     return Peer(segments, sigma, rule, length, time.perf_counter() - began, cold, warm)
@@ -147,7 +147,7 @@ def _frame(start: Start) -> Array:
     return np.vstack([first, np.cross(third, first), third])
 
 
-def _stiffening(x: ca.SX) -> ca.SX:
+def stiffening(x: ca.SX) -> ca.SX:
     """F(x) = x/tanh x; the untaken branch is evaluated at 1, so that no derivative divides by zero.
 
     Up to |x| = 0.1 the series to x^10 is exact to 1e-17, and in its second derivative to 1e-14.
@@ -165,9 +165,9 @@ def _energy(z: ca.SX, parameters: ca.SX, rule: str) -> ca.SX:
     half_width, h = parameters[2], parameters[3]
     turn = u - u_before
     if rule == "thesis":
-        factor = _stiffening((xi + xi_before) / 2)
+        factor = stiffening((xi + xi_before) / 2)
     else:
-        factor = (_stiffening(xi) + _stiffening(xi_before)) / 2
+        factor = (stiffening(xi) + stiffening(xi_before)) / 2
     return ca.dot(turn, turn) / 2 * ca.dot(g, g) ** 2 * half_width * factor / h
 
 
@@ -211,18 +211,18 @@ def _problem(n: int, sigma: int, rule: str, length: float) -> tuple[dict[str, ca
     f = ca.sum2(mapped("f", [z, parameters], [energy])(at, given))
     g = ca.vertcat(ca.vec(mapped("g", [z, parameters], [constraints])(at, given)), closure)
     slopes = ca.vec(mapped("df", [z, parameters], [ca.gradient(energy, z)])(at, given))
-    gradient = ca.densify(_gather(local, np.zeros_like(local), slopes, (7 * n, 1)))
+    gradient = ca.densify(gather(local, np.zeros_like(local), slopes, (7 * n, 1)))
 
     rows, columns = (np.array(k) for k in jacobian.sparsity().get_triplet())
     blocks = ca.vec(mapped("dg", [z, parameters], [jacobian.nz[:]])(at, given))
     down = np.append((5 * np.arange(n)[:, None] + rows).ravel(), np.tile(5 * n + np.arange(3), n))
     across = np.append(local[:, columns].ravel(), nodes[:, :3].ravel())
-    j = _gather(down, across, ca.vertcat(blocks, ca.DM.ones(3 * n)), (5 * n + 3, 7 * n))
+    j = gather(down, across, ca.vertcat(blocks, ca.DM.ones(3 * n)), (5 * n + 3, 7 * n))
 
     rows, columns = (local[:, np.array(k)] for k in hessian.sparsity().get_triplet())
     curvature = mapped("ddf", [z, parameters, weight, lam], [hessian.nz[:]])
     blocks = ca.vec(curvature(at, given, ca.repmat(weights, 1, n), ca.reshape(duals[: 5 * n], 5, n)))
-    hess = _gather(np.minimum(rows, columns), np.maximum(rows, columns), blocks, (7 * n, 7 * n))
+    hess = gather(np.minimum(rows, columns), np.maximum(rows, columns), blocks, (7 * n, 7 * n))
     return {"x": x, "p": b, "f": f, "g": g}, {
         "grad_f": ca.Function("nlp_grad_f", [x, b], [f, gradient], ["x", "p"], ["f", "grad_f_x"]),
         "jac_g": ca.Function("nlp_jac_g", [x, b], [g, j], ["x", "p"], ["g", "jac_g_x"]),
@@ -236,7 +236,7 @@ def _problem(n: int, sigma: int, rule: str, length: float) -> tuple[dict[str, ca
     }
 
 
-def _gather(
+def gather(
     rows: NDArray[np.int64], columns: NDArray[np.int64], values: ca.MX, shape: tuple[int, int]
 ) -> ca.MX:
     """The sparse matrix that sums `values` (k, 1) at (`rows`, `columns`), both of size k."""

@@ -27,7 +27,7 @@ from ribbon_cli.model.topology import linking_number
 from ribbon_cli.solver.kkt import FactorisationError, KKTMatrix
 from ribbon_cli.solver.linear import Factor
 from ribbon_cli.solver.newton import Options, change, estimate_multipliers, inverted_facets, solve
-from ribbon_cli.solver.saddle_free import lagrangian_gradient, null_space
+from ribbon_cli.solver.saddle_free import null_space
 
 STEP_LIMIT = 0.15
 MOST_STEPS = 120
@@ -127,7 +127,7 @@ def climbed(problem: Problem, x: Array, modes: int) -> Found | str:
         except FactorisationError:
             return "degenerate"
         local = problem.local_derivatives(x, multipliers)
-        gradient = lagrangian_gradient(problem, local, multipliers)
+        gradient = problem.lagrangian_gradient(local, multipliers)
         basis = null_space(problem, local, problem.rotations(x))
         hessian = problem.hessian_matrix(local)
         values, vectors = scipy.linalg.eigh(basis.T @ (hessian @ basis))

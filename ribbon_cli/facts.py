@@ -32,17 +32,18 @@ def same_value(name: str, a: float, b: float, length: float | None) -> bool:
 
 _SADDLE = "met a saddle of index {index} at E = {energy:.12g}"
 _CONTACT = (
-    "facets {first} and {second} meet at b = {touching:.10g}, at b = {free:.10g} none do "
+    "facets {first} and {second} meet at {symbol} = {touching:.10g}, at {symbol} = {free:.10g} none do "
     "(clearance {clearance:.2g})"
 )
-_INDEX = "b = {half_width:.12g}, index {before} to {after}"
+_INDEX = "{symbol} = {value:.12g}, index {before} to {after}"
 _BY = "by the {mode} mode (overlap with sliding {overlap:.3f})"
 _OTHER = "another minimum, perhaps"
 
 EVENTS = {
     "width-halved": "a step from b = {start:.12g} to {end:.12g} failed, halved: {why}",
+    "step-halved": "a step from {here} to {there} failed, halved: {why}",
     "turn-halved": "a step from {turn} {start:.10g}/{count} to {end:.10g} failed, halved: {why}",
-    "step-refused": "a step of {length:.3g} from b = {start:.12g} was refused: {why}",
+    "step-refused": "a step of {length:.3g} from {symbol} = {start:.12g} was refused: {why}",
     "phase-twin": f"grid phase: {_SADDLE}, its twin with the inflection on a {{phase}} is the minimum",
     "phase-slid": "grid phase: slid until the inflection sat on a {phase}",
     "saddle-left": f"{_SADDLE}, left along its negative direction",
@@ -64,9 +65,10 @@ EVENTS = {
     "stability-lost": f"stability lost at {_INDEX}, {_BY}",
     "stability-gained": f"stability gained at {_INDEX}, {_BY}",
     "bifurcation": f"bifurcation at {_INDEX}, {_BY}",
-    "contact-begins": "facets begin to touch at b = {half_width:.12g} (bracket {bracket:.1e})",
-    "contact-ceases": "facets cease to touch at b = {half_width:.12g} (bracket {bracket:.1e})",
-    "width-reached": "reached b = {half_width:.12g}",
+    "contact-begins": "facets begin to touch at {symbol} = {value:.12g} (bracket {bracket:.1e})",
+    "contact-ceases": "facets cease to touch at {symbol} = {value:.12g} (bracket {bracket:.1e})",
+    "width-reached": "reached {symbol} = {value:.12g}",
+    "value-reached": "reached {symbol} = {value:.12g}",
 }
 """Kinds of events by their words, which files keep, with their sentences."""
 OTHER_MINIMA = frozenset(("another-minimum", "another-minimum-perhaps", "another-minimum-unproved"))

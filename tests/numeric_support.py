@@ -26,7 +26,7 @@ def load(name: str) -> tuple[State, Multipliers]:
     """A state kept in tests/data, with its multipliers."""
     with np.load(DATA / f"{name}.npz") as z:
         band = Band(len(z["u"]), float(z["half_width"]), float(z["length"]), int(z["sigma"]))
-        return State(band, z["u"], z["g"], z["xi"]), Multipliers.from_vector(band.segments, z["multipliers"])
+        return State(band, z["u"], z["g"], z["xi"]), Multipliers.from_vector(band, z["multipliers"])
 
 
 @lru_cache(maxsize=1)

@@ -383,7 +383,8 @@ def test_an_export_is_that_of_the_command(solved, tmp_path):  # noqa: F811
         done = source.export(own)
         assert own.read_bytes() == path.read_bytes()
         assert done.paths == (str(own),)
-        assert done.facts == {key: document[key] for key in done.facts}
+        facts = dataclasses.asdict(done.facts) if done.facts else {}
+        assert facts == {key: document[key] for key in facts}
     with pytest.raises(UsageError, match=r"exists already and is not replaced: pass overwrite=True"):
         state.export(own)
     with pytest.raises(UsageError, match="did you mean stl"):

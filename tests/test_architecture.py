@@ -63,6 +63,8 @@ OPENED = {
 """What a room may import of rooms that are closed to it."""
 LONGEST, LONGEST_MEDIAN = 600, 220
 MOST_IMPORTS_INSIDE = 60
+LONGEST_BLOCK = 9
+"""Most equal lines in two places."""
 
 
 def name_of(path: Path) -> str:
@@ -151,6 +153,21 @@ def test_modules_are_short() -> None:
     lengths = {name_of(path): len(path.read_text(encoding="utf-8").splitlines()) for path in paths}
     assert {name: length for name, length in lengths.items() if length > LONGEST} == {}
     assert statistics.median(lengths.values()) < LONGEST_MEDIAN
+
+
+def test_no_block_of_lines_stands_twice() -> None:
+    """Ten equal lines, without blank ones and comments; data tables have none."""
+    first: dict[tuple[str, ...], str] = {}
+    twice = []
+    for path in MODULES:
+        numbered = enumerate(path.read_text(encoding="utf-8").splitlines(), start=1)
+        lines = [(k, line.strip()) for k, line in numbered if line.strip() and line.strip()[0] != "#"]
+        for at in range(len(lines) - LONGEST_BLOCK):
+            block = lines[at : at + LONGEST_BLOCK + 1]
+            here = f"{name_of(path)}:{block[0][0]}"
+            there = first.setdefault(tuple(line for _, line in block), here)
+            twice += [(there, here)] if there != here else []
+    assert twice == []
 
 
 @pytest.mark.parametrize("path", [*MODULES, *PAPER], ids=name_of)

@@ -14,7 +14,7 @@ from scipy.optimize import brentq, minimize_scalar
 from ribbon_cli.model.band import Band, Discretisation, State
 from ribbon_cli.model.diagnostics import taylor_slopes
 from ribbon_cli.model.problem import Problem
-from ribbon_cli.model.width import constraints_by_width, gradient_by_width
+from ribbon_cli.model.rates import rates
 from ribbon_cli.solver.arclength import (
     CorrectorError,
     Point,
@@ -23,9 +23,8 @@ from ribbon_cli.solver.arclength import (
     initial_tangent,
     point_at,
     point_of,
-    product,
+    shape_weights,
     tangent_from,
-    weights,
 )
 from ribbon_cli.solver.bordered import BorderedSystem
 from ribbon_cli.solver.branch import BranchOptions, End, Reason, advance
@@ -34,7 +33,6 @@ from ribbon_cli.solver.branch_switch import switch
 from ribbon_cli.solver.dense import DenseModel
 from ribbon_cli.solver.newton import estimate_multipliers, solve
 from ribbon_cli.solver.prolongation import smooth
-from ribbon_cli.solver.saddle_free import lagrangian_gradient
 from ribbon_cli.solver.status import Status
 
 
@@ -107,13 +105,13 @@ def test_width_derivative_of_the_residual(rule: Discretisation, sigma: int, pres
     def value(log: Array) -> float:
         p = problem(0.4 * math.exp(float(log[0])))
         local = p.local_derivatives(x, y)
-        return float(probe[:77] @ lagrangian_gradient(p, local, y) + probe[77:] @ local.constraints)
+        return float(probe[:77] @ p.lagrangian_gradient(local, y) + probe[77:] @ local.constraints)
 
     p = problem(0.4)
-    gradient = gradient_by_width(p, x, y, p.local_derivatives(x, y).gradient)
-    slope = float(probe[:77] @ gradient + probe[77:] @ constraints_by_width(p, x))
-    found = taylor_slopes(value, np.zeros(1), np.ones(1), [0.4 * slope])
-    assert [each.slope for each in found] == pytest.approx([1.0, 2.0], abs=0.03)
+    found = rates(p, x, y, p.local_derivatives(x, y).gradient, "half_width")
+    slope = float(probe[:77] @ found.gradient + probe[77:] @ found.constraints)
+    slopes = taylor_slopes(value, np.zeros(1), np.ones(1), [0.4 * slope])
+    assert [each.slope for each in slopes] == pytest.approx([1.0, 2.0], abs=0.03)
 
 
 # --- the bordered system ---
@@ -133,8 +131,7 @@ def dense_bordered(point: Point, covector: Array, weight: float) -> Array:
     matrix[n : n + m, :n] = jacobian
     matrix[:n, n + m : n + m + r] = rotations
     matrix[n + m : n + m + r, :n] = rotations.T
-    matrix[:n, -1] = gradient_by_width(problem, point.x, point.multipliers, point.local.gradient)
-    matrix[n : n + m, -1] = constraints_by_width(problem, point.x)
+    matrix[:n, -1], matrix[n : n + m, -1] = point.rates.gradient, point.rates.constraints
     matrix[-1, :n], matrix[-1, -1] = covector, weight
     return matrix
 
@@ -143,7 +140,7 @@ def compare_with_dense(point: Point, covector: Array, weight: float, seed: int, 
     """Solve with random right-hand sides, and by the matrix written out."""
     problem, rng = point.problem, np.random.default_rng(seed)
     rhs = rng.standard_normal(problem.size), rng.standard_normal(problem.rows), 0.3
-    system = BorderedSystem(problem, point.x, point.multipliers, point.local, covector, weight)
+    system = BorderedSystem(problem, point.x, point.local, point.rates, covector, weight)
     p, dlambda, db = system.solve(*rhs)
     expected, width = dense_solution(point, covector, weight, *rhs)
     size = max(np.abs(expected).max(), abs(width))
@@ -168,8 +165,8 @@ def test_bordered_solution_is_the_dense_one(place: str) -> None:
     events, points, _ = around_the_fold()
     point = {"regular": points[0], "fold": one(events, "fold").point, "beyond": points[-1]}[place]
     tangent = one(events, "fold").tangent
-    inner, outer = weights(point.problem.band)
-    compare_with_dense(point, inner * tangent.x, outer * tangent.half_width, seed=5, tolerance=1e-8)
+    inner, outer = shape_weights(point.problem.band), point.weight
+    compare_with_dense(point, inner * tangent.x, outer * tangent.value, seed=5, tolerance=1e-8)
 
 
 def test_elimination_by_the_kkt_matrix_itself_serves_where_the_bordered_one_is_singular() -> None:
@@ -182,7 +179,7 @@ def test_elimination_by_the_kkt_matrix_itself_serves_where_the_bordered_one_is_s
     model = DenseModel(problem, point.local, problem.rotations(point.x))
     values, vectors = model.values, model.vectors
     assert values[0] < 0 < values[1]
-    outer = weights(problem.band)[1]
+    outer = point.weight
     # The quadratic form's zero in the plane of two eigenvectors, drawn to the pattern of a border.
     a = math.sqrt(-values[0]) * vectors[:, 0] + math.sqrt(values[1]) * vectors[:, 1]
     a[6::7] = 0.0
@@ -200,12 +197,12 @@ def test_the_ring_stays_a_ring() -> None:
     point = point_at(problem, x, estimate_multipliers(problem, x))
     tangent = initial_tangent(point, 1)
     assert np.abs(tangent.x).max() <= 1e-12
-    assert tangent.half_width == pytest.approx(1.0, abs=1e-13)
+    assert tangent.value == pytest.approx(1.0, abs=1e-13)
     assert tangent.multipliers == pytest.approx(point.multipliers / 0.3, abs=1e-10)
     events, points, end = follow(point, 1, BranchOptions(0.2, 1.7))
-    assert (end.reason, end.half_width) == (Reason.RANGE, 1.7)
+    assert (end.reason, end.value) == (Reason.RANGE, 1.7)
     assert [event.type for event in events] == ["width"]
-    assert points[-1].energy / points[-1].half_width == pytest.approx(point.energy / 0.3, rel=1e-13)
+    assert points[-1].energy / points[-1].value == pytest.approx(point.energy / 0.3, rel=1e-13)
 
 
 def test_tangent_is_the_difference_quotient() -> None:
@@ -213,10 +210,10 @@ def test_tangent_is_the_difference_quotient() -> None:
     point = point_of(state, multipliers.vector())
     tangent = initial_tangent(point, 1)
     db = 1e-4
-    ahead, behind = (correct_at((point.x, point.multipliers, 0.5 + s * db), state.band) for s in (1.0, -1.0))
-    assert (ahead.x - behind.x) / (2 * db) == pytest.approx(tangent.x / tangent.half_width, abs=1e-5)
+    ahead, behind = (correct_at(point, (point.x, point.multipliers, 0.5 + s * db)) for s in (1.0, -1.0))
+    assert (ahead.x - behind.x) / (2 * db) == pytest.approx(tangent.x / tangent.value, abs=1e-5)
     slope = (ahead.multipliers - behind.multipliers) / (2 * db)
-    assert slope == pytest.approx(tangent.multipliers / tangent.half_width, abs=1e-3)
+    assert slope == pytest.approx(tangent.multipliers / tangent.value, abs=1e-3)
 
 
 def test_arclength_does_not_depend_on_the_mesh() -> None:
@@ -225,7 +222,7 @@ def test_arclength_does_not_depend_on_the_mesh() -> None:
     for n in (50, 100, 200):
         band = state if n == 50 else smooth(state, n).state
         result = solve(Problem(band.band), band.vector())
-        rates.append(initial_tangent(point_of(result.state, result.multipliers), 1).half_width)
+        rates.append(initial_tangent(point_of(result.state, result.multipliers), 1).value)
     assert rates == pytest.approx([rates[0]] * 3, rel=0.01)
 
 
@@ -238,15 +235,15 @@ def test_arclength_does_not_depend_on_the_unit_of_length(factor: float) -> None:
     other = point_of(scaled, estimate_multipliers(Problem(band), scaled.vector()))
     t, s = initial_tangent(point, 1), initial_tangent(other, 1)
     assert s.x == pytest.approx(t.x, abs=1e-8)
-    assert s.half_width == pytest.approx(factor * t.half_width, rel=1e-8)
-    assert product(band, s, s) == pytest.approx(1.0, abs=1e-14)
+    assert s.value == pytest.approx(factor * t.value, rel=1e-8)
+    assert other.product(s, s) == pytest.approx(1.0, abs=1e-14)
 
 
 def test_a_tangent_keeps_its_side() -> None:
     point = second_minimum()
     up, down = initial_tangent(point, 1), initial_tangent(point, -1)
-    assert up.half_width == pytest.approx(-down.half_width, rel=1e-9)
-    assert tangent_from(point, down).half_width < 0 < tangent_from(point, up).half_width
+    assert up.value == pytest.approx(-down.value, rel=1e-9)
+    assert tangent_from(point, down).value < 0 < tangent_from(point, up).value
 
 
 # --- folds ---
@@ -254,12 +251,12 @@ def test_a_tangent_keeps_its_side() -> None:
 
 def dense_width(point: Point, coordinate: int, value: float) -> float:
     """b on the branch where one coordinate of x has a value, by dense Newton steps from a point near by."""
-    x, y, b = point.x.copy(), point.multipliers.copy(), point.half_width
+    x, y, b = point.x.copy(), point.multipliers.copy(), point.value
     for _ in range(30):
         here = point_at(Problem(point.problem.band.with_half_width(b)), x, y)
         unit = np.zeros(x.size)
         unit[coordinate] = 1.0
-        gradient = lagrangian_gradient(here.problem, here.local, y)
+        gradient = here.problem.lagrangian_gradient(here.local, y)
         residual = (-gradient, -here.local.constraints, float(value - x[coordinate]))
         step, wider = dense_solution(here, unit, 0.0, *residual)
         x, y, b = x + step[: x.size], y + step[x.size :], b + wider
@@ -284,19 +281,19 @@ def test_fold_against_dense_algebra() -> None:
         method="bounded",
         options={"xatol": 1e-7},
     )
-    assert -best.fun == pytest.approx(fold.point.half_width, rel=1e-10)
+    assert -best.fun == pytest.approx(fold.point.value, rel=1e-10)
     assert best.x == pytest.approx(value, abs=1e-2 * spread)
     assert (fold.before, fold.after) == (0, 1)
     assert fold.loses_stability
-    assert abs(tangent.half_width) <= 1e-8
+    assert abs(tangent.value) <= 1e-8
     assert end == End(Reason.RANGE, 0.09)
 
 
 def test_both_sides_of_a_fold_are_reached() -> None:
     events, points, _ = around_the_fold()
     first, second, last = (event for event in events if event.type == "width")
-    assert [first.point.half_width, second.point.half_width] == [0.11, 0.11]
-    assert last.point.half_width == 0.09
+    assert [first.point.value, second.point.value] == [0.11, 0.11]
+    assert last.point.value == 0.09
     assert first.point.energy < second.point.energy
     assert (first.point.negative, second.point.negative) == (0, 1)
     assert {point.negative for point in points} == {0, 1}
@@ -310,8 +307,8 @@ def test_a_branch_followed_back_returns_to_its_start() -> None:
     back, _, _ = follow(far, 1, BranchOptions(0.085, 0.2, (0.1,)))
     fold = one(back, "fold")
     assert (fold.before, fold.after) == (1, 0)
-    assert fold.point.half_width == pytest.approx(one(events, "fold").point.half_width, rel=1e-10)
-    first, reached = (event.point for event in back if event.point.half_width == 0.1)
+    assert fold.point.value == pytest.approx(one(events, "fold").point.value, rel=1e-10)
+    first, reached = (event.point for event in back if event.point.value == 0.1)
     assert first.negative == 1
     assert reached.energy == pytest.approx(second_minimum().energy, rel=1e-12)
     assert reached.negative == 0
@@ -334,11 +331,11 @@ def test_branch_point_against_dense_algebra() -> None:
     near = event.point
 
     def lowest(b: float) -> float:
-        point = correct_at((near.x, near.multipliers, b), near.problem.band)
+        point = correct_at(near, (near.x, near.multipliers, b))
         model = DenseModel(point.problem, point.local, point.problem.rotations(point.x))
         return float(model.values[np.argmin(np.abs(model.values))])
 
-    b = near.half_width
+    b = near.value
     # Not so near that the corrector is singular itself: the root of a line through two points beside it.
     beside = [(b + d, lowest(b + d)) for d in (-2e-4, 2e-4)]
     root = brentq(
@@ -362,7 +359,7 @@ def test_both_sides_of_a_pitchfork() -> None:
     assert event.mode is not None
     sides = [switch(event.point, event.tangent, event.mode.tangent, side) for side in (1, -1)]
     plus, minus = (side.point for side in sides)
-    assert plus.half_width == pytest.approx(minus.half_width, rel=1e-9)
+    assert plus.value == pytest.approx(minus.value, rel=1e-9)
     assert plus.energy == pytest.approx(minus.energy, rel=1e-10)
     assert np.abs(plus.x - minus.x).max() > 1e-3
     for side in sides:
@@ -370,10 +367,8 @@ def test_both_sides_of_a_pitchfork() -> None:
         assert max(side.point.kkt_residual, side.point.constraint_residual) <= 1e-9
         taken = advance(side.point, side.tangent, 0.01, BranchOptions(0.5, 1.5))
         assert taken.point is not None
-        apart = Tangent(
-            taken.point.x - event.point.x, np.zeros(1), taken.point.half_width - event.point.half_width
-        )
-        assert product(event.point.problem.band, apart, apart) > side.distance**2
+        apart = Tangent(taken.point.x - event.point.x, np.zeros(1), taken.point.value - event.point.value)
+        assert event.point.product(apart, apart) > side.distance**2
 
 
 def test_no_other_branch_at_a_regular_point() -> None:
@@ -391,8 +386,8 @@ def test_no_other_branch_at_a_regular_point() -> None:
 
 def test_a_width_asked_for_is_met_exactly() -> None:
     events, points, _ = pi_band()
-    (event,) = [e for e in events if e.type == "width" and e.point.half_width == 1.0]
-    natural = correct_at((event.point.x, event.point.multipliers, 1.0), points[0].problem.band)
+    (event,) = [e for e in events if e.type == "width" and e.point.value == 1.0]
+    natural = correct_at(points[0], (event.point.x, event.point.multipliers, 1.0))
     assert event.point.energy == pytest.approx(natural.energy, rel=1e-13)
     assert max(event.point.kkt_residual, event.point.constraint_residual) <= 1e-9
 
@@ -403,9 +398,7 @@ def test_contact_is_bracketed() -> None:
     assert event.begins
     assert event.point.contact
     assert event.bracket <= 1e-5
-    before = correct_at(
-        (event.point.x, event.point.multipliers, event.point.half_width - 1e-5), event.point.problem.band
-    )
+    before = correct_at(event.point, (event.point.x, event.point.multipliers, event.point.value - 1e-5))
     assert not before.contact
 
 
@@ -418,15 +411,15 @@ def test_a_branch_stops_where_it_is_asked_to(stop: Reason, b: float) -> None:
     options = BranchOptions(0.4, 1.55, largest_step=0.2, stop_at=frozenset({stop}))
     events, _, end = follow(start, 1, options)
     assert end.reason is (Reason.RANGE if stop is Reason.FOLD else stop)
-    assert end.half_width == pytest.approx(b, abs=1e-4)
-    assert events[-1].point.half_width == end.half_width
+    assert end.value == pytest.approx(b, abs=1e-4)
+    assert events[-1].point.value == end.value
 
 
 def test_a_fold_is_where_a_branch_stops_if_asked() -> None:
     events, _, end = follow(second_minimum(), 1, BranchOptions(0.09, 0.2, stop_at=frozenset({Reason.FOLD})))
     assert end.reason is Reason.FOLD
-    assert events[-1].point.half_width == end.half_width
-    assert end.half_width == pytest.approx(0.112567998, abs=1e-9)
+    assert events[-1].point.value == end.value
+    assert end.value == pytest.approx(0.112567998, abs=1e-9)
 
 
 def test_what_the_guard_refuses_ends_the_branch() -> None:

@@ -9,7 +9,7 @@ import pytest
 
 pytest.importorskip("casadi")
 
-from bench import run
+from bench import run, strips
 from bench.machine import machine, versions
 
 
@@ -33,3 +33,46 @@ def test_the_machine_is_named_in_words() -> None:
     assert "-core" in words
     assert words.endswith("Linux") or "," in words
     assert "casadi" in versions()
+
+
+@pytest.mark.parametrize("rule", strips.RULES)
+def test_the_peers_strip_has_the_force_that_is_the_slope_of_its_energy(rule: str) -> None:
+    """Out of the plane, sheared and twisted: the multipliers of the end's place against differences."""
+    peer = strips.build(12, rule)
+
+    def clamps(share: float, moved: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> strips.Clamps:
+        twist = 0.3 * share
+        ruling = np.array([0.0, -np.sin(twist), np.cos(twist)])
+        place = np.array([0.75, 0.0, 0.1 * share]) + moved
+        return strips.Clamps(place, rulings=(np.array([0.0, 0.0, 1.0]), ruling))
+
+    flat = peer.solve(strips.planar_start(12, 0.75), 0.05, clamps(0.0))
+    here = peer.solve(flat, 0.05, clamps(1.0), flat.multipliers)
+    assert (flat.status, here.status) == ("Solve_Succeeded", "Solve_Succeeded")
+    for k in range(3):
+        step = np.eye(3)[k] * 1e-4
+        sides = [peer.solve(here, 0.05, clamps(1.0, tuple(s * step)), here.multipliers) for s in (-1, 1)]
+        slope = (sides[1].energy - sides[0].energy) / 2e-4
+        assert here.force[k] == pytest.approx(slope, rel=1e-5, abs=1e-7)
+
+
+def test_the_peers_planar_strip_tends_to_the_elastica() -> None:
+    """The energy at span 0.75 in elliptic functions, see docs/strips.md; errors fall by four."""
+    exact = 0.05 * 10.551464017170
+    energies = []
+    for n in (16, 32):
+        peer = strips.build(n)
+        energies.append(
+            peer.solve(strips.planar_start(n, 0.75), 0.05, strips.Clamps(np.array([0.75, 0, 0]))).energy
+        )
+    found = [abs(energy / exact - 1) for energy in energies]
+    assert found[0] < 0.03
+    assert found[0] / found[1] == pytest.approx(4, abs=0.3)
+
+
+def test_the_peers_path_counts_its_solves() -> None:
+    path = strips.shear_path(strips.build(10), strips.planar_start(10, 0.75), 0.75, 0.05, 0.06, 2)
+    assert [state.success for state in path.states] == [True] * 3
+    assert path.failures == []
+    assert path.iterations == sum(state.iterations for state in path.states)
+    assert path.states[0].energy < path.states[1].energy < path.states[2].energy

@@ -24,6 +24,18 @@ def test_init_writes_a_config_that_checks(name, tmp_path):
     assert ribbon("check", f"{name}.yaml").exit_code == 0
 
 
+def test_the_run_is_called_as_the_file_that_init_writes():
+    ribbon("init", "-o", "my-band.yaml")
+    assert load_config("my-band.yaml").name == "my-band"
+    template, written = templates()["mobius-pi"], Path("my-band.yaml").read_text()
+    assert written == template.replace("\nname: mobius-pi\n", "\nname: my-band\n")
+    for name in ("my band.yaml", "null.yaml"):  # no name of a run
+        ribbon("init", "ring", "-o", name)
+        assert load_config(name).name == "ring"
+    ribbon("init", "ring", "-o", "1.5.yaml")
+    assert load_config("1.5.yaml").name == "1.5"
+
+
 def test_init_never_overwrites(tmp_path):
     (tmp_path / "mobius-pi.yaml").write_text("mine")
     result = ribbon("init")

@@ -11,6 +11,7 @@ from ribbon_cli.api import console as module
 from ribbon_cli.cli.progress import progress
 from ribbon_cli.cli.settings import Settings
 from ribbon_cli.digits import duration
+from ribbon_cli.study.progress import Note, Stage, Step
 
 
 class Terminal(io.StringIO):
@@ -23,13 +24,12 @@ def play(settings: Settings) -> None:
     with progress(settings) as shown:
         if shown is None:
             return
-        shown.stage("twist 1/1", 1, 12, 0.1, 50)
-        shown.step(1, 1.5, 1e-3)
-        shown.step(2, 1.25, 3e-12)
-        shown.stage("freed [again]", 2, 12, 0.5, 100)
-        shown.note("a saddle was left [index 1]")
-        shown.stage("b = 0.5, refined to N = 200", 3, 12, 0.5, 200)
-        shown.done()
+        shown(Stage("twist 1/1", 1, 12, 0.1, 50))
+        shown(Step(1, 1.5, 1e-3))
+        shown(Step(2, 1.25, 3e-12))
+        shown(Stage("freed [again]", 2, 12, 0.5, 100))
+        shown(Note("a saddle was left [index 1]"))
+        shown(Stage("b = 0.5, refined to N = 200", 3, 12, 0.5, 200))
 
 
 @pytest.fixture
@@ -60,12 +60,12 @@ def test_stages_without_a_step_share_a_line(stderr):
     stream = stderr(io.StringIO())
     shown = module.Lines()
     for index in (1, 2, 3):
-        shown.stage(f"twist {index}/3", index, 5, 0.5, 50)
-    shown.stage("b = 0.8", 4, 5, 0.8, 50)
-    shown.step(1, 1.0, 1e-12)
-    shown.note("one")
-    shown.note("two")
-    shown.stage("b = 0.9", 5, 5, 0.9, 50)
+        shown(Stage(f"twist {index}/3", index, 5, 0.5, 50))
+    shown(Stage("b = 0.8", 4, 5, 0.8, 50))
+    shown(Step(1, 1.0, 1e-12))
+    shown(Note("one"))
+    shown(Note("two"))
+    shown(Stage("b = 0.9", 5, 5, 0.9, 50))
     shown.done()
     shown.done()
     assert stream.getvalue().splitlines() == [

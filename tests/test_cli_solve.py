@@ -21,6 +21,7 @@ from ribbon_cli.cli import main
 from ribbon_cli.cli.group import Stopped
 from ribbon_cli.errors import LockedError
 from ribbon_cli.study import Outcome, Target
+from ribbon_cli.study.progress import Stage, Step
 
 ENERGIES = {50: 5.14, 100: 5.15, 200: 5.1525}
 UNCERTIFIED = {"certified": False, "status": "saddle", "message": "Converged to a saddle."}
@@ -127,9 +128,8 @@ def test_targets_missed_for_one_reason_share_a_line(scripted):
 
 def test_progress_goes_to_standard_error(scripted):
     def act(progress: Any) -> None:
-        progress.stage("b = 0.5", 1, 1, 0.5, 50)
-        progress.step(1, 5.14, 1e-12)
-        progress.done()
+        progress(Stage("b = 0.5", 1, 1, 0.5, 50))
+        progress(Step(1, 5.14, 1e-12))
 
     scripted(reached(1, 50), act=act)
     result = ribbon("solve", "mobius.yaml")

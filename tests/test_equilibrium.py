@@ -167,5 +167,5 @@ def test_conditions_of_a_state_that_is_no_equilibrium_are_seen() -> None:
 
 def test_orientable_bands_have_no_sign() -> None:
     state = random_strip(Band(60, 0.05), 3)
-    conditions = seam_conditions(state, Multipliers.zeros(60))
+    conditions = seam_conditions(state, Multipliers.zeros(state.band))
     np.testing.assert_array_equal(conditions.ruling, conditions.ruling_unsigned)

@@ -12,7 +12,7 @@ from ribbon_cli.config import parse_config
 from ribbon_cli.model.band import Band
 from ribbon_cli.model.problem import Problem
 from ribbon_cli.recipes.cylinder import cylinder
-from ribbon_cli.recipes.eversion import eversion_stages, half_turn, not_everted
+from ribbon_cli.recipes.eversion import eversion_stage, half_turn, not_everted
 from ribbon_cli.store import Run
 from ribbon_cli.study import refine_state, solve_config
 from ribbon_cli.study.records import state_of
@@ -36,7 +36,7 @@ def everted(
 
 def test_prescribed_rulings_turn_by_a_quarter() -> None:
     """(3.6)-(3.8): k = 0 is the cylinder, at k = K the rulings are antiparallel."""
-    stages = list(eversion_stages(12, 4))
+    stages = [eversion_stage(12, 4, k) for k in range(5)]
     assert [stage.index for stage in stages] == [0, 1, 2, 3, 4]
     first, last = stages[0].prescription.rulings, stages[-1].prescription.rulings
     assert set(first) == {0, 6}
@@ -51,7 +51,7 @@ def test_prescribed_rulings_turn_by_a_quarter() -> None:
 @pytest.mark.parametrize(("segments", "steps"), [(41, 25), (40, 0)])
 def test_what_no_eversion_can_be_made_of(segments: int, steps: int) -> None:
     with pytest.raises(ValueError, match="even number of segments"):
-        list(eversion_stages(segments, steps))
+        eversion_stage(segments, steps, 0)
 
 
 @pytest.mark.parametrize("segments", [40, 80, 160])
@@ -175,7 +175,7 @@ def test_stages_have_the_rotations_that_keep_both_rulings() -> None:
     """Between the first and the last stage the rulings are not parallel: no rotation is left."""
     ring = cylinder(Band(12, 0.1))
     counts = []
-    for stage in eversion_stages(12, 2):
+    for stage in (eversion_stage(12, 2, k) for k in range(3)):
         problem = Problem(ring.band, stage.prescription)
         counts.append(problem.rotations(problem.impose(ring.vector())).shape[1])
     assert counts == [1, 0, 1]

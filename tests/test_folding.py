@@ -158,7 +158,7 @@ def test_vectors_pack_and_unpack() -> None:
     for name in ("u", "g", "xi"):
         np.testing.assert_array_equal(getattr(again, name), getattr(state, name))
     packed = multipliers.vector()
-    np.testing.assert_array_equal(type(multipliers).from_vector(50, packed).vector(), packed)
+    np.testing.assert_array_equal(type(multipliers).from_vector(state.band, packed).vector(), packed)
     np.testing.assert_array_equal(packed[:5], [getattr(multipliers, f"lambda_{k}")[0] for k in range(1, 6)])
-    assert not type(multipliers).zeros(50).vector().any()
+    assert not type(multipliers).zeros(state.band).vector().any()
     np.testing.assert_array_equal(state.next_rulings()[-1], -state.g[0])

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from ribbon_cli.config import parse_config
+from ribbon_cli.errors import StoreError
 from ribbon_cli.solver.status import Status
 from ribbon_cli.store import Run
 from ribbon_cli.store.log import format_line
@@ -177,3 +178,13 @@ def test_a_saddle_that_is_lost_is_met_again(tmp_path):
     assert again.run.load(met.label).energy == before.energy
     assert [target.label for target in again.targets] == [1 + saddle.label]
     assert solve_config(config, tmp_path).new_states == 0
+
+
+def test_the_missing_file_of_a_saddle_is_noticed(tmp_path):
+    """As a missing equilibrium is, though the state that ended the saddle's stage is there."""
+    config = parse_config(MET + SPECTRUM, "band.yaml")
+    run = solve_config(config, tmp_path).run
+    (saddle,) = (state for state in run.states(all=True) if state.kind == "saddle")
+    Run.open(run.path).state_path(saddle.label).unlink()
+    with pytest.raises(StoreError, match=r"0001\.h5: "):
+        solve_config(config, tmp_path)

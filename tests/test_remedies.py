@@ -36,6 +36,8 @@ def test_a_band_that_is_open_by_a_thousandth_is_closed_and_that_is_said(opened):
     result = ribbon("solve", "band.yaml")
     assert result.exit_code == 0, result.output
     assert "of its length apart: closed by fold angles, which turn facets by up to" in result.stderr
+    (note,) = (line for line in result.stderr.splitlines() if "closed by fold angles" in line)
+    assert note.strip() in ribbon("check", "band.yaml").stderr.splitlines()
     state = ribbon_json("show", "band:1")
     assert any("closed by fold angles" in event for event in state["events"])
     assert state["certified"]

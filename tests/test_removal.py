@@ -16,7 +16,7 @@ from ribbon_cli.errors import StoreError, UsageError
 from ribbon_cli.store import Run
 from ribbon_cli.store.folder import state_files
 from ribbon_cli.store.verification import check_folder
-from ribbon_cli.study import continue_state, courses, refine_state, removal_of, solve_config
+from ribbon_cli.study import Request, continue_state, courses, refine_state, removal_of, solve_config
 from ribbon_cli.text import ranges
 from ribbon_cli.verify import verify
 
@@ -183,14 +183,16 @@ def test_it_asks_and_waits_for_no_other_writer(run):
 
 
 def test_what_changed_while_it_asked_is_not_removed(run):
+    from dataclasses import replace
+
     from ribbon_cli.study import remove
 
-    agreed = removal_of(run, labels=(6,))
+    agreed = removal_of(run, Request(labels=(6,)))
     refine_state(Path("runs"), "ring:6", to=28)
     with pytest.raises(UsageError, match="comes from what is to be removed"):
-        remove(run, agreed, labels=(6,))
+        remove(run, agreed)
     with pytest.raises(UsageError, match="another process has changed it meanwhile"):
-        remove(run, agreed, labels=(6,), dependents=True)
+        remove(run, replace(agreed, request=Request(labels=(6,), dependents=True)))
     assert 6 in run.entries()
 
 

@@ -56,7 +56,7 @@ def again(record: StateRecord, x: np.ndarray, multipliers: np.ndarray | None = N
         result = solve(problem, x, options=Options())
     else:
         local = problem.local_derivatives(x, multipliers)
-        found = residuals(problem, local, multipliers)
+        found = vars(residuals(problem, local, multipliers))
         result = Result(
             Status.MINIMUM, x, multipliers, problem.state(x), problem.energy(x), **found, negative=0, steps=1
         )

@@ -11,12 +11,13 @@ from spectral_support import Place, covered_ring, pi_band, ring_place
 from test_closed_forms import solved_figure_eight
 
 from ribbon_cli.analysis.mode_limits import run_spectra, spectral_convergence
-from ribbon_cli.analysis.stability import Stability, document_of, stability_of
-from ribbon_cli.analysis.verdict import Mode, judge
+from ribbon_cli.analysis.stability import Stability, stability_of, told_of
+from ribbon_cli.analysis.verdict import judge
 from ribbon_cli.errors import UsageError
 from ribbon_cli.model.band import Discretisation
 from ribbon_cli.model.metrics import METRICS
 from ribbon_cli.model.problem import Problem
+from ribbon_cli.report.spectra import Mode
 from ribbon_cli.solver.inertia import Inertia
 from ribbon_cli.solver.prolongation import Phase
 from ribbon_cli.solver.spectra import Spectrum, lowest_spectrum
@@ -217,7 +218,7 @@ def test_what_is_refused() -> None:
 
 def test_the_document_is_plain() -> None:
     place = ring_place(30, 0.3, THESIS)
-    document = document_of(record_of(place), stability(place, modes=5), "ring-1")
+    document = told_of(record_of(place), stability(place, modes=5), "ring-1").document()
     assert len(document["modes"]) == 8
     assert document["symmetry"]["group"] == "D30h"
     assert len(document["symmetry"]["elements"]) == 64
@@ -236,7 +237,7 @@ def run(tmp_path: Path) -> Run:
 
 
 def test_convergence_of_a_run(run: Run) -> None:
-    table = spectral_convergence(run)
+    table, uncertified = spectral_convergence(run)
     sliding, *modes = table.sequences
     assert [item.label for item in table.sequences] == ["sliding"] + ["mode"] * 5
     assert sliding.limit is None
@@ -246,15 +247,15 @@ def test_convergence_of_a_run(run: Run) -> None:
         assert all(1.8 < order < 2.3 for order in item.orders if order is not None)
         assert item.settled
         assert abs(item.values[-1] - (item.limit or 0.0)) < 1e-3
-    assert (table.notes, table.uncertified) == ((), ())
+    assert (table.notes, uncertified) == ((), ())
 
 
 def test_states_without_certificate_are_left_out(run: Run) -> None:
     with run.writing():
         run.commit(record_of(pi_band(800, VALUE_AVERAGE, Phase.NODE), 5, 1))
-    table = spectral_convergence(run, modes=2)
+    table, uncertified = spectral_convergence(run, modes=2)
     assert [item.segments[-1] for item in table.sequences] == [400, 400]
-    assert table.uncertified == ("pi:5: no certificate at b = 0.5, N = 800: left out",)
+    assert uncertified == ("pi:5: no certificate at b = 0.5, N = 800: left out",)
 
 
 def test_whole_spectra_of_a_run(tmp_path: Path) -> None:
@@ -267,6 +268,6 @@ def test_whole_spectra_of_a_run(tmp_path: Path) -> None:
         for label, n in enumerate((20, 40), 1):
             made.commit(record_of(ring_place(n, 0.3, THESIS), label))
     found = run_spectra(made, "euclidean")
-    assert [len(s.modes) for _, s in found] == [37, 77]
-    assert all(s.complete for _, s in found)
-    assert np.all(np.diff([m.value for m in found[0][1].modes]) >= 0)
+    assert [len(s.modes) for s in found.states] == [37, 77]
+    assert all(s.complete for s in found.states)
+    assert np.all(np.diff([m.value for m in found.states[0].modes]) >= 0)

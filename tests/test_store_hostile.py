@@ -19,8 +19,9 @@ from store_support import make_record, make_run, read_log
 from ribbon_cli.errors import StoreError
 from ribbon_cli.store import Run, Summary, export_npz, list_runs, write_atomic
 from ribbon_cli.store.atomic import temporary_name
+from ribbon_cli.store.events import GivenUp
 from ribbon_cli.store.lock import RunLock, _file_lock
-from ribbon_cli.store.log import format_line
+from ribbon_cli.store.log import format_line, parse_line
 
 FROZEN = Path(__file__).parent / "data" / "format-1.1"
 NAME = "frozen-branch-e83cb1ed"
@@ -122,6 +123,33 @@ def test_a_second_line_on_a_state_is_noticed_and_dropped(folder):
     assert ribbon("repair", NAME).exit_code == 0
     assert ribbon("verify", NAME).exit_code == 0
     assert Run.open(run.path).entries()[1].document == entries[1]
+
+
+GIVEN = {
+    "event": "stage-given-up",
+    "time": "2026-11-22T09:27:34.654Z",
+    "stage": "from 2: b = 0.2",
+    "parent": 2,
+    "status": "stalled",
+    "detail": "(At 1e-3.)",
+}
+
+
+def test_a_step_that_was_given_up_is_read_as_it_was_written():
+    event = parse_line(format_line(GIVEN)[:-1])
+    assert isinstance(event, GivenUp)
+    assert (event.stage, event.parent, event.status, event.detail) == tuple(GIVEN.values())[2:]
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [("stage", 2), ("parent", "2"), ("parent", True), ("status", None), ("detail", ["(At.)"])],
+)
+@pytest.mark.parametrize("missing", [False, True])
+def test_a_step_that_was_given_up_has_fields_of_known_types(key, value, missing):
+    forged = without(key)(GIVEN) if missing else GIVEN | {key: value}
+    with pytest.raises(ValueError, match=key):
+        parse_line(format_line(forged)[:-1])
 
 
 # --- what is no file ---

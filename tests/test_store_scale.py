@@ -23,7 +23,7 @@ from ribbon_cli.store.folder import state_entry, state_name
 from ribbon_cli.store.preamble import check_seal, seal
 from ribbon_cli.study import solve_config
 from ribbon_cli.study.journal import Journal
-from ribbon_cli.study.progress import Silence
+from ribbon_cli.study.progress import silence
 
 STATES = 5000
 OPENED: list[str] = []
@@ -126,7 +126,7 @@ def test_resuming_starts_with_the_stages_that_are_asked_for(big, monkeypatch):
     """Each finished stage's file is hashed, and none is taken apart."""
     monkeypatch.setattr("ribbon_cli.store.run.decode_bytes", no_hdf5)
     with opened(big.path) as files, Run.open(big.path).writing() as run:
-        journal = Journal(run, Silence(), (), None)
+        journal = Journal(run, silence, (), None)
         assert journal.finished("b = 4999").certified
         assert journal.finished("b = 4998").half_width == 0.1 + 4998 / STATES
         assert len([name for name in files if name.endswith(".h5")]) == 2
@@ -175,7 +175,7 @@ def test_arrays_of_a_finished_stage_are_read_when_they_are_needed(tmp_path):
     with run.writing():
         run.commit(record)
     with opened(run.path) as files:
-        journal = Journal(run, Silence(), (), None)
+        journal = Journal(run, silence, (), None)
         state = journal.finished("b = 0.5")
         assert (state.label, state.stage, state.sigma, state.events) == (1, "b = 0.5", -1, record.events)
         assert len([name for name in files if name.endswith(".h5")]) == 1

@@ -337,8 +337,3 @@ def test_a_given_state_is_of_the_config_s_kind(run: Run, tmp_path: Path) -> None
         with pytest.raises(ConfigError, match=said):
             solve_config(parse_config(text, tmp_path / "c.yaml"), tmp_path)
     assert state_of(strip()).band.parts == PARTS
-
-
-def test_what_is_not_solved_yet_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="open strips and natural curvature are not solved yet"):
-        solve_config(parse_config(CONFIG, "c.yaml"), tmp_path)

@@ -112,6 +112,18 @@ def test_it_is_resumed_refined_repaired_and_packed_by_this_version(folder):
         assert finer in {state["segments"] for state in states}
 
 
+def test_repair_takes_states_without_kinds_as_they_are(folder):
+    """Earlier formats have sentences alone: no line of the log is written anew for that."""
+    log = folder / "log.jsonl"
+    before = log.read_bytes()
+    assert Run.open(folder).repair() == []
+    assert log.read_bytes() == before
+    lines = before.splitlines(keepends=True)
+    log.write_bytes(b"".join([*lines[:-1], b"nonsense\n", lines[-1]]))
+    assert Run.open(folder).repair() == ["dropped 1 damaged line of the log"]
+    assert log.read_bytes().splitlines(keepends=True)[: len(lines)] == lines
+
+
 def test_what_the_branch_of_1_1_says():
     record = Run.open(frozen("1.1")).load(2)
     branch = record.branch

@@ -13,6 +13,7 @@ from ribbon_cli.config import Config, ConfigError, parse_config
 from ribbon_cli.errors import LockedError, UsageError
 from ribbon_cli.store import Run, encode
 from ribbon_cli.study import given_band, plan_of, refine_state, solve_config, standing
+from ribbon_cli.study.progress import Event, Note, Stage
 
 SMALL = """
 name: small
@@ -32,19 +33,12 @@ class Recorder:
     def __init__(self) -> None:
         self.stages: list[tuple[str, int, int]] = []
         self.notes: list[str] = []
-        self.ended = 0
 
-    def stage(self, name: str, index: int, total: int, half_width: float, segments: int) -> None:
-        self.stages.append((name, index, total))
-
-    def step(self, iteration: int, energy: float, residual: float) -> None:
-        pass
-
-    def note(self, text: str) -> None:
-        self.notes.append(text)
-
-    def done(self) -> None:
-        self.ended += 1
+    def __call__(self, event: Event) -> None:
+        if isinstance(event, Stage):
+            self.stages.append((event.name, event.index, event.total))
+        elif isinstance(event, Note):
+            self.notes.append(event.text)
 
 
 def test_a_schedule_reaches_its_widths_and_levels(tmp_path: Path) -> None:
@@ -59,7 +53,6 @@ def test_a_schedule_reaches_its_widths_and_levels(tmp_path: Path) -> None:
     ]
     assert all(t.certified for t in outcome.targets)
     assert outcome.exit_code == 0
-    assert watch.ended == 1
     planned = plan_of(config(text)).stages
     assert [name for name, _, _ in watch.stages] == [stage.name for stage in planned]
     states = outcome.run.states(all=True)
@@ -386,7 +379,6 @@ def test_a_finished_run_is_used_without_its_lock(tmp_path: Path) -> None:
         assert (again.new_states, again.exit_code) == (0, 0)
         assert again.targets == first.targets
         assert len(watch.stages) == len(plan_of(config(text)).stages)
-        assert watch.ended == 1
         assert refine_state(tmp_path, f"{first.run.name}:{first.targets[0].label}", levels=1).new_states == 0
         with pytest.raises(LockedError):
             refine_state(tmp_path, f"{first.run.name}:{first.targets[1].label}", levels=1)

@@ -11,7 +11,7 @@ from numeric_support import E3, Array, load, unit, with_rule
 from ribbon_cli.config import parse_config
 from ribbon_cli.model.band import Band, Discretisation, State
 from ribbon_cli.model.problem import FREE, Prescription, Problem
-from ribbon_cli.model.width import constraints_by_width, energy_by_width, gradient_by_width
+from ribbon_cli.model.rates import rates
 from ribbon_cli.solver.continuation import to_width
 from ribbon_cli.solver.newton import Options, solve
 from ribbon_cli.solver.status import Status
@@ -45,11 +45,12 @@ def test_derivatives_in_the_width(rule: Discretisation, sigma: int, case: str) -
     rng = np.random.default_rng(4)
     x, y = middle.impose(rng.standard_normal(middle.size)), rng.standard_normal(middle.rows)
     slope = (lagrangian(high, x, y) - lagrangian(low, x, y)) / 0.2
-    assert energy_by_width(middle, x, y) == pytest.approx(slope, rel=1e-11)
+    by_width = rates(middle, x, y, middle.gradient(x), "half_width")
+    assert by_width.lagrangian == pytest.approx(slope, rel=1e-11)
     rows = (high.weighted_constraints(x) - low.weighted_constraints(x)) / 0.2
-    assert constraints_by_width(middle, x) == pytest.approx(rows, abs=1e-12)
+    assert by_width.constraints == pytest.approx(rows, abs=1e-12)
     bend = (lagrangian_gradient(high, x, y) - lagrangian_gradient(low, x, y)) / 0.2
-    found = gradient_by_width(middle, x, y, middle.gradient(x))
+    found = by_width.gradient
     assert found == pytest.approx(bend, abs=1e-12 * np.abs(bend).max())
     assert not found[middle.fixed].any()
 

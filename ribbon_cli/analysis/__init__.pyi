@@ -5,10 +5,9 @@ from .continuum import equilibrium_residuals as equilibrium_residuals
 from .continuum import multiplier_curves as multiplier_curves
 from .energies import run_table as run_table
 from .energies import table_entries as table_entries
-from .mode_limits import SpectralTable as SpectralTable
 from .mode_limits import run_spectra as run_spectra
 from .mode_limits import spectral_convergence as spectral_convergence
 from .stability import Stability as Stability
 from .stability import arrays_of as arrays_of
-from .stability import document_of as document_of
 from .stability import stability_of as stability_of
+from .stability import told_of as told_of

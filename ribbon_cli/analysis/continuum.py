@@ -114,7 +114,7 @@ def equilibrium_residuals(
 
 
 def _multipliers(record: StateRecord) -> Multipliers:
-    return Multipliers.from_vector(record.segments, multipliers_of(record))
+    return Multipliers.from_vector(state_of(record).band, multipliers_of(record))
 
 
 def _check_free(record: StateRecord, name: str) -> None:

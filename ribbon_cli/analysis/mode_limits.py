@@ -3,60 +3,28 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 from ..errors import UsageError
 from ..report.convergence import Entry, Extrapolation, convergence_rows
-from ..store import Run, StateRecord
+from ..report.spectra import ModeSequence, RunSpectra, SpectralTable
+from ..store import Run
 from ..store.refs import no_equilibria
 from .energies import table_entries
-from .stability import DEFAULT_METRIC, Stability, stability_of
+from .stability import DEFAULT_METRIC, Stability, stability_of, told_of
 
 DEFAULT_MODES = 6
 SPARE = 12
 """Modes computed beyond those wanted: under `thesis` checkerboard modes stand between the others."""
 
 
-@dataclass(frozen=True)
-class ModeSequence:
-    """One mode at one half-width over N, ascending.
-
-    `label` is sliding, mode or checkerboard; `number` counts within the label from 1. `orders` belong to
-    the first N of each three that double; of the sliding mode, which falls to zero, to the first of each two:
-    log2(value_N / value_2N). `limit` is None for it, and where nothing can be said.
-    """
-
-    half_width: float
-    label: str
-    number: int
-    parity: str
-    segments: tuple[int, ...]
-    values: tuple[float, ...]
-    bounds: tuple[float, ...]
-    overlaps: tuple[float, ...]
-    orders: tuple[float | None, ...]
-    limit: float | None
-    error: float | None
-    settled: bool
-    reason: str
-
-
-@dataclass(frozen=True)
-class SpectralTable:
-    """Sequences of a run by half-width, and what was left out."""
-
-    metric: str
-    formula: str
-    sequences: tuple[ModeSequence, ...]
-    notes: tuple[str, ...]
-    uncertified: tuple[str, ...]
-
-
-def spectral_convergence(run: Run, metric: str = DEFAULT_METRIC, modes: int = DEFAULT_MODES) -> SpectralTable:
+def spectral_convergence(
+    run: Run, metric: str = DEFAULT_METRIC, modes: int = DEFAULT_MODES
+) -> tuple[SpectralTable, tuple[str, ...]]:
     """The `modes` lowest eigenvalues besides rotations at each half-width of a run, over its levels.
 
     Modes are numbered by their order within their label, so that checkerboard modes, which the limit does
-    not have, do not shift the others. Raises UsageError for a run without equilibria.
+    not have, do not shift the others. Also which states have no certificate and are left out. Raises
+    UsageError for a run without equilibria.
     """
     entries = _entries(run)
     sequences: list[ModeSequence] = []
@@ -75,7 +43,7 @@ def spectral_convergence(run: Run, metric: str = DEFAULT_METRIC, modes: int = DE
             levels.append((entry.segments, found))
             notes += [f"{where}: {note}" for note in _symmetry_notes(found)]
         sequences += _sequences(half_width, levels, modes, length)
-    return SpectralTable(metric, formula, tuple(sequences), tuple(notes), tuple(uncertified))
+    return SpectralTable(run.name, metric, formula, tuple(sequences), tuple(notes)), tuple(uncertified)
 
 
 def _entries(run: Run) -> list[Entry]:
@@ -165,7 +133,7 @@ def _decay(known: dict[int, float], n: int) -> float | None:
     return math.log2(known[n] / known[2 * n])
 
 
-def run_spectra(run: Run, metric: str) -> list[tuple[StateRecord, Stability]]:
+def run_spectra(run: Run, metric: str) -> RunSpectra:
     """All 2N - 3 eigenvalues of each of a run's equilibria, the latest at each half-width and N.
 
     In the Euclidean metric these are the data of Koldaev (2022), Figure 3.14. Raises UsageError for a run
@@ -173,4 +141,5 @@ def run_spectra(run: Run, metric: str) -> list[tuple[StateRecord, Stability]]:
     """
     entries = _entries(run)
     records = [run.load(int(entry.label or 0)) for entry in entries]
-    return [(record, stability_of(record, metric, full=True)) for record in records]
+    states = (told_of(record, stability_of(record, metric, full=True), run.name) for record in records)
+    return RunSpectra(run.name, metric, tuple(states))

@@ -6,8 +6,7 @@ block reduction's inertia counts the same. Everything is computed from the store
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 import scipy
@@ -17,6 +16,7 @@ from ..model.band import Array, State
 from ..model.metrics import METRICS, lengths, metric_named
 from ..model.problem import Problem
 from ..model.symmetry import Symmetry, SymmetryGroup, find_symmetries
+from ..report.spectra import Counts, Element, Group, Mode, StateSpectrum
 from ..solver.inertia import Inertia, inertia
 from ..solver.kkt import FactorisationError, KKTMatrix
 from ..solver.newton import Options, inverted_facets
@@ -24,7 +24,7 @@ from ..solver.spectra import Spectrum, full_spectra, lowest_spectrum
 from ..store import StateRecord, content_sha256
 from ..store.npz import UNKNOWN
 from ..study.records import multipliers_of, state_of
-from .verdict import Mode, Verdict, judge
+from .verdict import Verdict, judge
 
 DEFAULT_METRIC = "physical"
 DEFAULT_MODES = 12
@@ -213,50 +213,38 @@ def _doubts(record: StateRecord, problem: Problem, x: Array) -> list[str]:
     return doubts
 
 
-def document_of(record: StateRecord, found: Stability, run: str | None) -> dict[str, Any]:
-    """What `ribbon spectrum STATE --json` prints: plain values, arrays left out."""
+def told_of(record: StateRecord, found: Stability, run: str | None) -> StateSpectrum:
+    """What `ribbon spectrum STATE` tells: plain values, arrays left out."""
     group = found.symmetries
-    return {
-        "run": run,
-        "label": record.label,
-        "half_width": record.half_width,
-        "segments": record.segments,
-        "h": record.length / record.segments,
-        "discretisation": record.discretisation,
-        "metric": found.metric,
-        "formula": found.formula,
-        "complete": found.complete,
-        "negative": found.verdict.negative,
-        "stability": found.verdict.kind,
-        "gap": found.verdict.gap,
-        "verdict": found.verdict.sentence,
-        "inertia": {
-            "negative": found.inertia.negative,
-            "pivot_gap": found.inertia.gap,
-            "trusted": found.inertia.trusted,
-        },
-        "symmetry": {
-            "group": group.name,
-            "order": group.order,
-            "residual": group.residual,
-            "nearly": group.near_name,
-            "near_residual": group.near_residual,
-            "elements": [
-                {
-                    "name": s.name,
-                    "matrix": s.matrix.tolist(),
-                    "shift": s.shift,
-                    "reverse": s.reverse,
-                    "flip": s.flip,
-                    "residual": s.residual,
-                    "exact": s.exact,
-                }
+    return StateSpectrum(
+        run=run,
+        label=record.label,
+        half_width=record.half_width,
+        segments=record.segments,
+        h=record.length / record.segments,
+        discretisation=record.discretisation,
+        metric=found.metric,
+        formula=found.formula,
+        complete=found.complete,
+        negative=found.verdict.negative,
+        stability=found.verdict.kind,
+        gap=found.verdict.gap,
+        verdict=found.verdict.sentence,
+        inertia=Counts(found.inertia.negative, found.inertia.gap, found.inertia.trusted),
+        symmetry=Group(
+            group.name,
+            group.order,
+            group.residual,
+            group.near_name,
+            group.near_residual,
+            tuple(
+                Element(s.name, s.matrix.tolist(), s.shift, s.reverse, s.flip, s.residual, s.exact)
                 for s in (*group.exact[:LISTED], *group.near)
-            ],
-        },
-        "symmetries": list(found.symmetry_names),
-        "modes": [asdict(mode) for mode in found.modes],
-    }
+            ),
+        ),
+        symmetries=found.symmetry_names,
+        modes=found.modes,
+    )
 
 
 def arrays_of(record: StateRecord, found: Stability, run: str) -> dict[str, Array]:

@@ -4,35 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ..report.spectra import Mode
 from ..solver.inertia import Inertia
-
-CLEAR = 1e-3
-"""Distance of a mode's character from +1 or -1 up to which it is called symmetric or antisymmetric."""
-
-
-@dataclass(frozen=True)
-class Mode:
-    """One mode. `bound` limits the error of `value`, roundoff included; `residual` leaves roundoff out.
-
-    `hidden` is the share of the mode's xi that the energy does not see (checkerboard modes: above 1/2).
-    `symmetry` gives for each symmetry of the state by name <v, T v> in [-1, 1]: +1 symmetric, -1
-    antisymmetric, in between for modes of a multiple eigenvalue that the symmetry mixes.
-    """
-
-    value: float
-    residual: float
-    bound: float
-    label: str
-    sliding_overlap: float
-    hidden: float
-    symmetry: dict[str, float]
-
-    @property
-    def parity(self) -> str:
-        """Signs under each symmetry in words, one letter each: s, a, or x where neither."""
-        return "".join(
-            "s" if c > 1 - CLEAR else "a" if c < CLEAR - 1 else "x" for c in self.symmetry.values()
-        )
 
 
 @dataclass(frozen=True)

@@ -1,3 +1,6 @@
+from ..study.progress import Note as Note
+from ..study.progress import Stage as Stage
+from ..study.progress import Step as Step
 from . import datasets as datasets
 from . import drawing as drawing
 from . import exporting as exporting
@@ -11,6 +14,3 @@ from .run import OpenRun as OpenRun
 from .run import open as open
 from .spectrum import Spectrum as Spectrum
 from .state import OpenState as OpenState
-from .watching import Note as Note
-from .watching import Stage as Stage
-from .watching import Step as Step

@@ -1,6 +1,6 @@
 """Progress of a solve on standard error: a bar on a terminal, a line for each stage elsewhere.
 
-Both follow the protocol `ribbon_cli.study.Progress`.
+Both are a `ribbon_cli.study.Progress`.
 """
 
 from __future__ import annotations
@@ -9,18 +9,17 @@ import os
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
+from contextlib import contextmanager, nullcontext, suppress
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from ribbon_cli import digits
 from ribbon_cli.digits import duration
+from ribbon_cli.study.progress import Event, Note, Progress, Stage, Step
 from ribbon_cli.text import visible
 
 if TYPE_CHECKING:
     from rich.progress import Progress as RichProgress
-
-    from ribbon_cli.study import Progress
 
 
 def _to_standard_error(text: str) -> None:
@@ -34,11 +33,12 @@ def _to_standard_error(text: str) -> None:
 @contextmanager
 def console(verbose: bool = False, write: Callable[[str], object] = _to_standard_error) -> Iterator[Progress]:
     """The progress of the command line, to hand to a study; `write` is where its lines go."""
-    if _on_terminal():
-        with _bar() as bar:
-            yield Bar(bar, verbose)
-    else:
-        yield Lines(verbose, write)
+    with _bar() if _on_terminal() else nullcontext() as bar:
+        shown = Lines(verbose, write) if bar is None else Bar(bar, verbose)
+        try:
+            yield shown
+        finally:
+            shown.done()
 
 
 def _on_terminal() -> bool:
@@ -49,43 +49,34 @@ def _on_terminal() -> bool:
 
 
 @dataclass
-class _Stage:
-    """The stage under way, and its last Newton step (`iteration` 0: none yet).
+class _Current:
+    """The stage under way, and its last Newton step, None before the first.
 
     `written` tells that a note has made the stage's line come early.
     """
 
-    name: str = ""
-    index: int = 0
-    total: int = 0
-    half_width: float = 0.0
-    segments: int = 0
-    iteration: int = 0
-    energy: float = 0.0
-    residual: float = 0.0
+    stage: Stage
+    last: Step | None = None
     started: float = field(default_factory=time.monotonic)
     written: bool = False
 
     @property
     def heading(self) -> str:
         """Which of how many stages this is, and where it is."""
-        width = len(str(self.total))
-        place = f"b = {self.half_width:g}, N = {self.segments}"
+        stage, found = self.stage, None if self.last is None else self.last.half_width
+        width = len(str(stage.total))
+        place = f"b = {stage.half_width if found is None else found:g}, N = {stage.segments}"
         # Some stages are named by where they end.
-        name = "" if self.name.startswith("b = ") else f"{self.name}: "
-        return f"[{self.index:{width}}/{self.total}] {name}{place}"
-
-    def step_line(self) -> str:
-        """The last step."""
-        return f"    step {self.iteration}: E = {digits.energy(self.energy)}, residual {self.residual:.1e}"
+        name = "" if stage.name.startswith("b = ") else f"{stage.name}: "
+        return f"[{stage.index:{width}}/{stage.total}] {name}{place}"
 
     def line(self) -> str:
         """The whole stage, once it is over."""
-        if not self.iteration:
+        if self.last is None:
             return f"{self.heading}: no steps"
-        result = f"E = {digits.energy(self.energy)}, residual {self.residual:.1e}"
-        steps = f"{self.iteration} step{'s' * (self.iteration > 1)}"
-        return f"{self.heading}: {result}, {steps}, {duration(time.monotonic() - self.started)}"
+        _, figures = str(self.last).split(": ", 1)
+        steps = f"{self.last.iteration} step{'s' * (self.last.iteration > 1)}"
+        return f"{self.heading}: {figures}, {steps}, {duration(time.monotonic() - self.started)}"
 
 
 class Lines:
@@ -97,29 +88,31 @@ class Lines:
     def __init__(self, verbose: bool = False, write: Callable[[str], object] = _to_standard_error) -> None:
         self._verbose = verbose
         self._put = write
-        self._current = _Stage()
-        self._idle: list[_Stage] = []
+        self._current: _Current | None = None
+        self._idle: list[_Current] = []
 
-    def stage(self, name: str, index: int, total: int, half_width: float, segments: int) -> None:
-        """A stage begins, which ends the one before."""
-        self._end_stage()
-        self._current = _Stage(name, index, total, half_width, segments)
+    def __call__(self, event: Event) -> None:
+        """Show an event."""
+        match event:
+            case Stage():
+                self._end_stage()
+                self._begin(_Current(event))
+            case Step() if self._current is not None:
+                self._step(self._current, event)
+            case Note():
+                if self._current is not None and not self._current.written:
+                    self._flush_idle()
+                    self._show_stage(self._current)
+                self._write(f"    {event}")
 
-    def step(self, iteration: int, energy: float, residual: float, half_width: float | None = None) -> None:
-        """A Newton step was taken."""
-        current = self._current
-        current.iteration, current.energy, current.residual = iteration, energy, residual
-        if half_width is not None:
-            current.half_width = half_width
+    def _begin(self, begun: _Current) -> None:
+        self._current = begun
+
+    def _step(self, current: _Current, step: Step) -> None:
+        known = None if current.last is None else current.last.half_width
+        current.last = step if step.half_width is not None else replace(step, half_width=known)
         if self._verbose:
-            self._write(current.step_line())
-
-    def note(self, text: str) -> None:
-        """Something worth a line of its own happened: the line of its stage comes first."""
-        if self._current.index and not self._current.written:
-            self._flush_idle()
-            self._show_stage(self._current)
-        self._write(f"    {text}")
+            self._write(f"    {step}")
 
     def done(self) -> None:
         """The last stage is over."""
@@ -128,19 +121,19 @@ class Lines:
 
     def _end_stage(self) -> None:
         """Write the line of the stage under way, if there is one."""
-        ended, self._current = self._current, _Stage()
-        if not ended.index or ended.written:
+        ended, self._current = self._current, None
+        if ended is None or ended.written:
             return
-        if ended.iteration or self._verbose:
+        if ended.last is not None or self._verbose:
             self._flush_idle()
             self._show_stage(ended)
         else:
             self._idle.append(ended)
 
-    def _show_stage(self, stage: _Stage) -> None:
+    def _show_stage(self, current: _Current) -> None:
         """Write a stage's line."""
-        stage.written = True
-        self._write(stage.line())
+        current.written = True
+        self._write(current.line())
 
     def _flush_idle(self) -> None:
         """Write the line that stages without a step share."""
@@ -148,7 +141,8 @@ class Lines:
         if len(idle) == 1:
             self._write(idle[0].line())
         elif idle:
-            self._write(f"[{idle[0].index}-{idle[-1].index}/{idle[-1].total}] no steps")
+            first, last = idle[0].stage, idle[-1].stage
+            self._write(f"[{first.index}-{last.index}/{last.total}] no steps")
 
     def _write(self, text: str) -> None:
         self._put(text)
@@ -162,27 +156,28 @@ class Bar(Lines):
         self._bar = bar
         self._task = bar.add_task("", total=None, figures="")
 
-    def stage(self, name: str, index: int, total: int, half_width: float, segments: int) -> None:
-        """A stage begins: the bar stands at the stages before it."""
-        super().stage(name, index, total, half_width, segments)
-        heading = visible(self._current.heading)
-        self._bar.update(self._task, description=heading, total=total, completed=index - 1, figures="")
+    def _begin(self, begun: _Current) -> None:
+        """The bar stands at the stages before it."""
+        super()._begin(begun)
+        heading, stage = visible(begun.heading), begun.stage
+        self._bar.update(
+            self._task, description=heading, total=stage.total, completed=stage.index - 1, figures=""
+        )
 
-    def step(self, iteration: int, energy: float, residual: float, half_width: float | None = None) -> None:
-        """A Newton step was taken."""
-        super().step(iteration, energy, residual, half_width)
-        self._bar.update(self._task, figures=f"E = {digits.energy(energy)}  {residual:.1e}")
+    def _step(self, current: _Current, step: Step) -> None:
+        super()._step(current, step)
+        self._bar.update(self._task, figures=f"E = {digits.energy(step.energy)}  {step.residual:.1e}")
 
     def _end_stage(self) -> None:
         """Move the bar on, whether or not the stage leaves a line."""
-        if self._current.index:
-            self._bar.update(self._task, completed=self._current.index)
+        if self._current is not None:
+            self._bar.update(self._task, completed=self._current.stage.index)
         super()._end_stage()
 
-    def _show_stage(self, stage: _Stage) -> None:
+    def _show_stage(self, current: _Current) -> None:
         """Only those who want every step want lines that stay."""
         if self._verbose:
-            super()._show_stage(stage)
+            super()._show_stage(current)
 
     def _flush_idle(self) -> None:
         """The bar stands where it stands."""

@@ -26,7 +26,7 @@ class Exported:
     format: str
     paths: tuple[str, ...]
     states: tuple[StateRecord, ...] = field(repr=False)
-    facts: dict[str, float] = field(default_factory=dict)
+    facts: exports.solid.Facts | None = None
     remarks: tuple[str, ...] = ()
     warning: str = ""
 

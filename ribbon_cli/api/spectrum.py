@@ -62,7 +62,7 @@ class Spectrum:
 
     def document(self) -> dict[str, Any]:
         """What `ribbon spectrum STATE --json` prints."""
-        return analysis.document_of(self.record, self.found, self.run)
+        return analysis.told_of(self.record, self.found, self.run).document()
 
     def table(self) -> DataFrame:
         """A row a mode, with a column for each symmetry. Raises ImportError without pandas."""

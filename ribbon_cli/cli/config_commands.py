@@ -29,7 +29,7 @@ _DEFAULT_TEMPLATE = "mobius-pi"
 def init(settings: Settings, template: str, output: str | None, listing: bool) -> None:
     """Write a commented config to start from.
 
-    TEMPLATE is mobius-pi unless given; --list shows which there are.
+    TEMPLATE is mobius-pi unless given; --list shows which there are. The run is called as the file is.
     """
     known = configs.templates()
     if listing:
@@ -40,7 +40,8 @@ def init(settings: Settings, template: str, output: str | None, listing: bool) -
         raise UsageError(f"no template {template!r}{hint}")
     path = output or f"{template}.yaml"
     check_target(path, overwrite=False, hint="choose another with -o")
-    store.write_atomic(path, known[template].encode())
+    stem = os.path.splitext(os.path.basename(path))[0]
+    store.write_atomic(path, configs.template(template, stem).encode())
     emit_json({"path": path, "template": template}) if settings.json else emit(path)
     say(settings, f"written; `ribbon check {path}` tells what it will do")
     beside = os.path.join(os.path.dirname(path), configs.SCHEMA_FILE)
@@ -88,9 +89,7 @@ def check(settings: Settings, config: str) -> None:
 
 def _show_plan(settings: Settings, config: configs.Config) -> None:
     """Print what `ribbon solve` will do with a config."""
-    band = (
-        study.given_band(config, settings.root, teller(settings)) if config.guess.recipe == "state" else None
-    )
+    band = study.given_band(config, settings.root, teller(settings))
     plan = study.plan_of(config, None if band is None else (band.half_width, band.segments))
     run = f"{config.name}-{config.hash8()}"
     if settings.json:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import Any
 
 import click
@@ -64,6 +65,6 @@ def export(
         document = {"path": done.paths[0], "format": form, "content_sha256": hashes[0]}
         several = len(done.paths) > 1 or len(done.states) > 1
         more = {"paths": list(done.paths), "states": hashes} if several else {}
-        emit_json(document | more | done.facts)
+        emit_json(document | more | (asdict(done.facts) if done.facts else {}))
     else:
         emit("\n".join(done.paths))

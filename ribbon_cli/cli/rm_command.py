@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import click
 
 from ribbon_cli import store, study
@@ -40,12 +38,12 @@ def rm(
         if branches:
             raise UsageError("--branch goes with a run, and the reference names a state")
         run, labels = _states_of_a_run(settings, refs)
-        return _remove(settings, run, {"labels": labels, "dependents": dependents}, yes)
+        return _remove(settings, run, study.Request(labels=labels, dependents=dependents), yes)
     if len(refs) > 1:
         raise UsageError(f"rm: takes one run at a time, or states of one run, got {', '.join(refs)}")
     run = store.find_run(settings.root, refs[0])
     if branches:
-        return _remove(settings, run, {"numbers": branches, "dependents": dependents}, yes)
+        return _remove(settings, run, study.Request(numbers=branches, dependents=dependents), yes)
     if dependents:
         raise UsageError("--with-dependents goes with states, or with --branch")
     return _delete(settings, run, yes)
@@ -69,15 +67,15 @@ def _states_of_a_run(settings: Settings, refs: tuple[str, ...]) -> tuple[store.R
     return found[0][0], tuple(label for _, label in found)
 
 
-def _remove(settings: Settings, run: store.Run, request: dict[str, Any], yes: bool) -> int:
+def _remove(settings: Settings, run: store.Run, request: study.Request, yes: bool) -> int:
     """Remove states and branches of a run."""
-    removal = study.removal_of(run, **request)
+    removal = study.removal_of(run, request)
     count = len(removal.labels)
     what = f"{count} state{'s' * (count != 1)}" + (f" ({ranges(removal.labels)})" if count else "")
     if not yes and not _agreed(f"remove {what} of {run.path}?"):
         complain(f"ribbon: {run.path} is kept as it is")
         return UsageError.exit_code
-    study.remove(run, removal, **request)
+    study.remove(run, removal)
     for remark in run.remarks:
         say(settings, remark)
     if settings.json:

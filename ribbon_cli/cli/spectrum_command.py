@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
-from typing import Any
-
 import click
 
 from ribbon_cli import analysis, api, report, store
@@ -58,17 +55,20 @@ def spectrum(
         raise UsageError("--format npz holds the modes of one STATE: name it, and the file with -o")
     if output is not None:
         check_target(output, overwrite)
+    told: report.spectra.Told
+    failures: tuple[str, ...] = ()
     if convergence:
-        document, failures = _converge(settings, ref, metric, modes)
+        run = store.find_run(settings.root, ref)
+        told, failures = analysis.spectral_convergence(run, metric, modes or 6)
     elif full and not store.names_state(ref):
-        document, failures = _all_of_run(settings, ref, metric), []
+        told = analysis.run_spectra(store.find_run(settings.root, ref), metric)
     else:
         archive = output if style == "npz" else None
-        document, failures = _analyse(settings, ref, metric, modes, full, archive, overwrite), []
+        told = _analyse(settings, ref, metric, modes, full, archive, overwrite)
         if archive is not None:
             return 0
-    text = json_text(document) if style == "json" else report.spectra.render(document, style)
-    deliver(settings, text, output)
+    write = report.spectra.render
+    deliver(settings, json_text(told.document()) if style == "json" else write(told, style), output)
     for failure in failures:
         complain(f"ribbon: {failure}")
     return TargetError.exit_code if failures else 0
@@ -82,36 +82,11 @@ def _analyse(
     full: bool,
     archive: str | None,
     overwrite: bool,
-) -> dict[str, Any]:
-    """One state's document; its modes go to the npz file `archive`, if that is asked for."""
+) -> report.spectra.StateSpectrum:
+    """One state's spectrum; its modes go to the npz file `archive`, if that is asked for."""
     run, record, _ = api.open_state(ref, settings.runs, teller(settings))
     found = analysis.stability_of(record, metric, modes or 12, full)
-    document = analysis.document_of(record, found, run.name if run else None)
     if archive is not None:
         store.write_arrays(archive, analysis.arrays_of(record, found, run.name if run else ""), overwrite)
         say(settings, f"wrote {archive}")
-    return document
-
-
-def _all_of_run(settings: Settings, ref: str, metric: str) -> dict[str, Any]:
-    """The documents of all of a run's equilibria."""
-    run = store.find_run(settings.root, ref)
-    found = analysis.run_spectra(run, metric)
-    states = [analysis.document_of(record, stability, run.name) for record, stability in found]
-    return {"run": run.name, "metric": metric, "states": states}
-
-
-def _converge(
-    settings: Settings, ref: str, metric: str, modes: int | None
-) -> tuple[dict[str, Any], list[str]]:
-    """A run's document, and which states were left out."""
-    run = store.find_run(settings.root, ref)
-    table = analysis.spectral_convergence(run, metric, modes or 6)
-    document = {
-        "run": run.name,
-        "metric": table.metric,
-        "formula": table.formula,
-        "sequences": [asdict(item) for item in table.sequences],
-        "notes": list(table.notes),
-    }
-    return document, list(table.uncertified)
+    return analysis.told_of(record, found, run.name if run else None)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -10,6 +9,7 @@ from typing import Any
 from ribbon_cli.config.document import Node
 from ribbon_cli.config.mistakes import Mistakes, near_miss, shown
 from ribbon_cli.expression import ExpressionError, evaluate
+from ribbon_cli.facts import same_width
 from ribbon_cli.keys import Flag, Integer, Items, Number, Section, Takes, Text, Vector, Word
 
 _INTEGER = re.compile(r"[+-]?(?:0|[1-9][0-9]{0,17})")
@@ -152,7 +152,9 @@ class Reader:
         for item, path, value in self.items(node, field, takes):
             if value is None:
                 continue
-            if not any(value == other if isinstance(value, str) else close(value, other) for other in chosen):
+            if not any(
+                value == other if isinstance(value, str) else same_width(value, other) for other in chosen
+            ):
                 chosen.append(value)
             elif takes.once:
                 shown_value = value if isinstance(value, str) else got(item)
@@ -266,11 +268,6 @@ class Found:
     def report(self, name: str, message: str) -> None:
         """Record a mistake at a key's value."""
         self._reader.report(self.nodes[name], self.path(name), message)
-
-
-def close(a: float, b: float) -> bool:
-    """Whether two positive numbers are the same width: equal to 1e-9 relative, as references compare."""
-    return math.isclose(a, b, rel_tol=1e-9)
 
 
 def _or(words: tuple[str, ...]) -> str:

@@ -12,7 +12,7 @@ from itertools import combinations, pairwise
 from typing import Any
 
 from ribbon_cli.config.document import Node
-from ribbon_cli.config.reader import Found, Reader, close, got
+from ribbon_cli.config.reader import Found, Reader, got
 from ribbon_cli.config.table import (
     ARCLENGTH,
     BRANCH,
@@ -24,7 +24,7 @@ from ribbon_cli.config.table import (
     WIDTHS,
 )
 from ribbon_cli.config.types import Arclength, Guess, Refinement
-from ribbon_cli.facts import same_value
+from ribbon_cli.facts import same_value, same_width
 from ribbon_cli.parts import HALF_WIDTH
 
 ListItems = Iterable[tuple[Node, str, Any]]
@@ -43,7 +43,7 @@ def widths(reader: Reader, node: Node | None, guess: Guess) -> tuple[float, ...]
         return None
     items = list(reader.items(node, "widths", WIDTH_LIST))
     for (_, _, before), (item, field, value) in pairwise(items):
-        if before is not None and value is not None and close(before, value):
+        if before is not None and value is not None and same_width(before, value):
             reader.report(item, field, f"must differ from the width before it, got {got(item)} again")
     known = tuple(value for _, _, value in items if value is not None)
     return known if known and len(known) == len(items) else None
@@ -79,14 +79,14 @@ def _width_range(reader: Reader, node: Node) -> tuple[float, ...] | None:
     first, last, steps = found.values().values()
     if first is None or last is None:
         return None
-    if close(first, last):
+    if same_width(first, last):
         found.report("to", f"must differ from widths.from, got {got(found.nodes['to'])}")
         return None
     if steps is None:
         return None
     # The last one exactly as written, whatever the rounding of the formula.
     values = (*(first + j * (last - first) / steps for j in range(steps)), last)
-    if any(close(a, b) for a, b in pairwise(values)):
+    if any(same_width(a, b) for a, b in pairwise(values)):
         found.report("steps", f"must leave the widths apart, got {steps}: take fewer")
         return None
     return values
@@ -132,7 +132,7 @@ def _refined_widths(reader: Reader, items: ListItems, known: tuple[float, ...] |
         nearest = min(
             ordered[max(place - 1, 0) : place + 1], key=lambda width: abs(width - value), default=None
         )
-        if nearest is None or not close(nearest, value):
+        if nearest is None or not same_width(nearest, value):
             hint = f" (nearest: {nearest:g})" if nearest is not None else ", and there are none: give widths"
             reader.report(item, field, f"must be one of the widths, got {got(item)}{hint}")
         elif nearest in chosen:

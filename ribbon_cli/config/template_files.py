@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from importlib.resources import files
 
+from ribbon_cli.config.table import NAME
+
 
 def templates() -> dict[str, str]:
     """The text of every template by name, in alphabetical order."""
@@ -14,3 +16,9 @@ def templates() -> dict[str, str]:
         if file.name.endswith(".yaml")
     }
     return {name.removesuffix(".yaml"): found[name] for name in sorted(found)}
+
+
+def template(name: str, stem: str) -> str:
+    """A template's text; it calls the run by the stem of the file that it is for, if that can be a name."""
+    fits = NAME.fits(stem) and stem.lower() != "null"  # to YAML, nothing
+    return templates()[name].replace(f"\nname: {name}\n", f"\nname: {stem if fits else name}\n", 1)

@@ -13,7 +13,7 @@ from ribbon_cli.export.meshes import obj_bytes, ply_bytes, stl_bytes
 from ribbon_cli.export.pattern import Pattern, fold_pattern
 from ribbon_cli.export.series import branch, left_out
 from ribbon_cli.export.sheet import pages
-from ribbon_cli.export.solid import Solid, printed, remarks
+from ribbon_cli.export.solid import Facts, Solid, printed, remarks
 from ribbon_cli.export.svg import pattern_pdf, pattern_svg
 from ribbon_cli.export.text import csv_bytes, json_bytes
 from ribbon_cli.export.viewer import viewer_html
@@ -77,7 +77,7 @@ class Format:
     write: Callable[[Job], list[bytes]]
     series: bool = False
     options: tuple[str, ...] = ()
-    remarks: Callable[[Job], tuple[dict[str, float], list[str]]] = lambda job: ({}, [])
+    remarks: Callable[[Job], tuple[Facts | None, list[str]]] = lambda job: (None, [])
 
 
 STL_SIZE, STL_THICKNESS, PATTERN_SIZE = 200.0, 1.0, 500.0

@@ -120,19 +120,22 @@ def printed(record: StateRecord, size: float, thickness: float) -> Solid:
     return replace(body, points=points, thinnest=body.thinnest * scale, thickest=body.thickest * scale)
 
 
-def remarks(record: StateRecord, body: Solid) -> tuple[dict[str, float], list[str]]:
-    """What has to be said of a printed solid: as numbers, and in words.
-
-    `joined_corners`, `wall_min`, `wall_max` (mm) and `crossing_triangles`, the number of pairs of triangles
-    that pass through each other.
+@dataclass(frozen=True)
+class Facts:
+    """Numbers on a printed solid: corners joined, the wall's thickness in mm, and how many pairs of triangles
+    pass through each other.
     """
+
+    joined_corners: int
+    wall_min: float
+    wall_max: float
+    crossing_triangles: int
+
+
+def remarks(record: StateRecord, body: Solid) -> tuple[Facts, list[str]]:
+    """What has to be said of a printed solid: as numbers, and in words."""
     crossing = len(crossing_pairs(body.points, body.triangles))
-    facts = {
-        "joined_corners": body.joined,
-        "wall_min": body.thinnest,
-        "wall_max": body.thickest,
-        "crossing_triangles": crossing,
-    }
+    facts = Facts(body.joined, body.thinnest, body.thickest, crossing)
     words = []
     if body.joined:
         wall = f"{body.thinnest:.3g} to {body.thickest:.3g} mm"

@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import io
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import h5py
 import numpy as np
+from numpy.typing import NDArray
 
-from ribbon_cli.export.mesh import facet_fields, facet_normals, node_fields, strip
+from ribbon_cli.export.mesh import Array, facet_fields, facet_normals, node_fields, strip
 from ribbon_cli.store import StateRecord
 
 QUAD = 9
@@ -37,28 +39,35 @@ def vtkhdf_bytes(records: Sequence[StateRecord], title: str) -> bytes:
     return buffer.getvalue()
 
 
-def _step(record: StateRecord) -> dict[str, Any]:
-    """One state's arrays: `points`, `quads`, `PointData`, `CellData`, `FieldData`."""
+@dataclass(frozen=True, eq=False)
+class _Step:
+    """One state's arrays: its mesh, and its fields by name under `PointData`, `CellData` and `FieldData`."""
+
+    points: Array
+    quads: NDArray[Any]
+    fields: dict[str, dict[str, NDArray[Any]]]
+
+
+def _step(record: StateRecord) -> _Step:
     mesh = strip(record)
     points = {name: np.repeat(values, 2) for name, values in node_fields(record, mesh).items()}
     points["across"] = np.tile([-1.0, 1.0], len(mesh.low))
-    cells: dict[str, Any] = dict(facet_fields(record))
+    cells: dict[str, NDArray[Any]] = dict(facet_fields(record))
     cells |= {"normal": facet_normals(record), "facet": np.arange(1, record.segments + 1)}
     facts = {name: np.array([getattr(record, name)], dtype=np.float64) for name in SCALARS}
     facts |= {name: np.array([int(getattr(record, name))]) for name in ("label", "certified", "self_contact")}
-    shape = {"points": mesh.points, "quads": mesh.quads}
-    return shape | {"PointData": points, "CellData": cells, "FieldData": facts}
+    return _Step(mesh.points, mesh.quads, {"PointData": points, "CellData": cells, "FieldData": facts})
 
 
-def _write(root: h5py.Group, steps: Sequence[dict[str, Any]], times: Sequence[float]) -> None:
+def _write(root: h5py.Group, steps: Sequence[_Step], times: Sequence[float]) -> None:
     """Write the steps one after another, and where each begins."""
-    points = [len(step["points"]) for step in steps]
-    cells = [len(step["quads"]) for step in steps]
+    points = [len(step.points) for step in steps]
+    cells = [len(step.quads) for step in steps]
     _array(root, "NumberOfPoints", np.array(points, dtype=np.int64))
     _array(root, "NumberOfCells", np.array(cells, dtype=np.int64))
     _array(root, "NumberOfConnectivityIds", 4 * np.array(cells, dtype=np.int64))
-    _array(root, "Points", np.concatenate([step["points"] for step in steps]))
-    _array(root, "Connectivity", np.concatenate([step["quads"].ravel() for step in steps]))
+    _array(root, "Points", np.concatenate([step.points for step in steps]))
+    _array(root, "Connectivity", np.concatenate([step.quads.ravel() for step in steps]))
     _array(root, "Offsets", np.concatenate([4 * np.arange(n + 1, dtype=np.int64) for n in cells]))
     _array(root, "Types", np.full(sum(cells), QUAD, dtype=np.uint8))
     series = root.create_group("Steps")
@@ -73,11 +82,11 @@ def _write(root: h5py.Group, steps: Sequence[dict[str, Any]], times: Sequence[fl
     _array(series, "ConnectivityIdOffsets", 4 * starts["CellData"][:, None])
     for kind, start in starts.items():
         group, offsets = root.create_group(kind), series.create_group(f"{kind}Offsets")
-        for name in steps[0][kind]:
-            _array(group, name, np.concatenate([step[kind][name] for step in steps]))
+        for name in steps[0].fields[kind]:
+            _array(group, name, np.concatenate([step.fields[kind][name] for step in steps]))
             _array(offsets, name, start)
     sizes = series.create_group("FieldDataSizes")
-    for name in steps[0]["FieldData"]:
+    for name in steps[0].fields["FieldData"]:
         _array(sizes, name, np.tile(np.array([1, 1], dtype=np.int64), (len(steps), 1)))
 
 

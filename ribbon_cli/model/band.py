@@ -13,7 +13,8 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from ..parts import CLOSED, HALF_WIDTH, Parts
+from ..parts import CLOSED, FREE, HALF_WIDTH, Parts
+from .ends import finish_frame, start_frame
 
 Array = NDArray[np.float64]
 
@@ -93,13 +94,15 @@ class Band:
 class State:
     """A discrete configuration: tangents u (N,3), rulings g (N,3) and xi (N,).
 
-    All are dimensionless; b g_i is the half-ruling from the midline to the strip's edge.
+    All are dimensionless; b g_i is the half-ruling from the midline to the strip's edge. `g_end` (3,) is
+    g_{N+1} of a strip with ends, None on closed bands.
     """
 
     band: Band
     u: Array
     g: Array
     xi: Array
+    g_end: Array | None = None
 
     def __post_init__(self) -> None:
         n = self.band.segments
@@ -108,22 +111,41 @@ class State:
                 f"state of {n} segments needs u ({n},3), g ({n},3), xi ({n},); "
                 f"got {self.u.shape}, {self.g.shape}, {self.xi.shape}"
             )
+        if (self.g_end is None) is not self.band.closed:
+            raise ValueError("a strip with ends needs the ruling at its end, a closed band has none")
 
     @classmethod
     def from_vector(cls, band: Band, x: Array) -> State:
-        """Unpack the node-major vector x (7N,) of (u_i, g_i, xi_i)."""
+        """Unpack the node-major vector x (7N,) of (u_i, g_i, xi_i); see `vector`."""
         y = np.asarray(x, dtype=np.float64).reshape(band.segments, 7)
-        return cls(band, y[:, :3].copy(), y[:, 3:6].copy(), y[:, 6].copy())
+        g, end = y[:, 3:6].copy(), None
+        if band.parts.ends is not None:
+            end, g[0] = g[0].copy(), start_frame(band.parts.ends).ruling
+        return cls(band, y[:, :3].copy(), g, y[:, 6].copy(), end)
 
     def vector(self) -> Array:
-        """Pack into the node-major vector x (7N,) of (u_i, g_i, xi_i)."""
-        return np.column_stack((self.u, self.g, self.xi)).ravel()
+        """Pack into the node-major vector x (7N,) of (u_i, g_i, xi_i).
+
+        On a strip with ends g_1 is given, and g_{N+1} has its place.
+        """
+        x = np.column_stack((self.u, self.g, self.xi))
+        if self.g_end is not None:
+            x[0, 3:6] = self.g_end
+        return x.ravel()
 
     def next_rulings(self) -> Array:
-        """Rulings at each facet's far node, g_{i+1} (N,3), with g_{N+1} = sigma g_1."""
+        """Rulings at each facet's far node, g_{i+1} (N,3), with g_{N+1} = sigma g_1 on a closed band."""
         g = np.roll(self.g, -1, axis=0)
-        g[-1] *= self.band.sigma
+        g[-1] = self.band.sigma * self.g[0] if self.g_end is None else self.g_end
         return g
+
+    def on(self, band: Band) -> State:
+        """The same u, g, xi as a state of another band of as many segments; an end that is held takes g
+        along."""
+        x, ends = self.vector(), band.parts.ends
+        if ends is not None and ends.end != FREE:
+            x[3:6] = finish_frame(ends).ruling
+        return State.from_vector(band, x)
 
 
 @dataclass(frozen=True)
@@ -133,7 +155,9 @@ class Multipliers:
     lambda_1..lambda_5 (N,) approximate the continuous fields, to second order in h but for lambda_3: with
     g_i.u_i in the second row, as (2.18) has it, lambda_3 does so to first and lambda_3 - h lambda_2 eta to
     second order. lambda_1, lambda_4, lambda_5 sit at facets and lambda_2, lambda_3 at nodes, (2.48).
-    gamma (3,) is the closure force.
+    gamma (3,) is the closure force; on a strip, the force of its end's clamp (zero at a free end). `end` is
+    the multiplier of a strip's end row: of (t_B - u_N).g_{N+1}, else of |g_{N+1}|^2 - (g_{N+1}.u_N)^2 - 1;
+    lambda_2 is not-a-number at node 1 there, whose ruling is held.
     """
 
     lambda_1: Array
@@ -142,20 +166,31 @@ class Multipliers:
     lambda_4: Array
     lambda_5: Array
     gamma: Array
+    end: float | None = None
 
     @classmethod
-    def from_vector(cls, segments: int, y: Array) -> Multipliers:
-        """Unpack (5N+3,) ordered node by node, closure last."""
+    def from_vector(cls, band: Band, y: Array) -> Multipliers:
+        """Unpack (5N+3,) ordered node by node, closure last; a strip with a free end has none."""
+        segments = band.segments
         node = y[: 5 * segments].reshape(segments, 5)
         one, two, three, four, five = (node[:, k].copy() for k in range(5))
-        return cls(one, two, three, four, five, y[5 * segments : 5 * segments + 3].copy())
+        gamma = np.zeros(3)
+        gamma[: y.size - 5 * segments] = y[5 * segments :]
+        if band.closed:
+            return cls(one, two, three, four, five, gamma)
+        end, two[0] = float(two[0]), math.nan
+        return cls(one, two, three, four, five, gamma, end)
 
-    def vector(self) -> Array:
-        """Pack into (5N+3,) ordered node by node, closure last."""
+    def vector(self, closing: int = 3) -> Array:
+        """Pack into (5N+3,) ordered node by node, closure last; `closing` is 0 for a strip with a free
+        end."""
         fields = (self.lambda_1, self.lambda_2, self.lambda_3, self.lambda_4, self.lambda_5)
-        return np.concatenate((np.column_stack(fields).ravel(), self.gamma))
+        node = np.column_stack(fields)
+        if self.end is not None:
+            node[0, 1] = self.end
+        return np.concatenate((node.ravel(), self.gamma[:closing]))
 
     @classmethod
-    def zeros(cls, segments: int) -> Multipliers:
+    def zeros(cls, band: Band) -> Multipliers:
         """All multipliers zero."""
-        return cls.from_vector(segments, np.zeros(5 * segments + 3))
+        return cls.from_vector(band, np.zeros(5 * band.segments + 3))

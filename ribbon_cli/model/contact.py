@@ -2,7 +2,8 @@
 
 Facet i is the flat convex quadrilateral with corners P_i - b g_i, P_i + b g_i, P_{i+1} + b g_{i+1} and
 P_{i+1} - b g_{i+1}. Only pairs of facets more than max(3, N/20) apart along the band count, going the shorter
-way round: nearer ones are kept apart by injectivity (b |eta'| < 1), and near inflections they almost touch.
+way round on a closed band: nearer ones are kept apart by injectivity (b |eta'| < 1), and near inflections
+they almost touch.
 
 Pairs are found by a descent through a binary tree of runs of consecutive facets. A run lies within a radius
 rho of one of its rulings, with v along the ruling equal on both, so that two runs are at least (distance of
@@ -54,7 +55,9 @@ class Contact:
     clearance: float
 
 
-def self_contact(u: Array, g: Array, g_end: Array, half_width: float, h: float) -> Contact:
+def self_contact(
+    u: Array, g: Array, g_end: Array, half_width: float, h: float, *, closed: bool = True
+) -> Contact:
     """Find the facets that meet and the clearance between those that do not.
 
     Args:
@@ -63,6 +66,7 @@ def self_contact(u: Array, g: Array, g_end: Array, half_width: float, h: float) 
         g_end: ruling (3,) at node N+1: sigma g_1 where the seam is closed.
         half_width: b.
         h: length of a facet along the midline.
+        closed: whether the strip is joined to itself, so that there is a shorter way round.
 
     The clearance is exact to GRAZING_TOLERANCE times the length N h. Facets must not be inverted (a
     quadrilateral that crosses itself is not convex) and flat: what they lack of it enters as an error of the
@@ -73,7 +77,9 @@ def self_contact(u: Array, g: Array, g_end: Array, half_width: float, h: float) 
     """
     facets = _facets(u, g, g_end, half_width, h)
     tree = _tree(facets)
-    search = _Search(least_gap(len(u)) + 1, len(u), GRAZING_TOLERANCE * len(u) * h)
+    first = least_gap(len(u)) + 1
+    last = len(u) - first if closed else len(u) - 1
+    search = _Search(first, last, GRAZING_TOLERANCE * len(u) * h)
     meeting = [np.empty((0, 2), dtype=np.intp)]
     for i, j in _facet_pairs(facets, tree, search):
         distance = _facet_distance(facets, i, j, search.tolerance)
@@ -182,14 +188,14 @@ def _level(facets: _Facets, k: int, last: bool) -> _Level:
 class _Search:
     """What the descent knows: which pairs count, and the least distance met so far."""
 
-    first: int  # least number of facets apart that counts
-    segments: int
+    first: int  # least and largest number of facets apart that counts
+    last: int
     tolerance: float
     bound: float = math.inf
 
     def counts(self, nearest: IntArray, farthest: IntArray) -> NDArray[np.bool_]:
         """Where some number of facets from `nearest` to `farthest`, both >= 0, counts."""
-        return np.maximum(nearest, self.first) <= np.minimum(farthest, self.segments - self.first)
+        return np.maximum(nearest, self.first) <= np.minimum(farthest, self.last)
 
     def lower(self, distance: Array) -> None:
         """Take distances of pairs that count into the bound."""

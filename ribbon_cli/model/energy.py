@@ -73,24 +73,25 @@ def _xi_factor(band: Band, local: Array) -> tuple[Array, Array, Array]:
     return 0.5 * (f[0] + f[1]), 0.5 * f1, hessian
 
 
-def energy_terms(band: Band, local: Array) -> Array:
-    """Per-node energies (N,) whose sum is Q_h."""
+def energy_terms(band: Band, local: Array, cells: Array | float = 1.0) -> Array:
+    """Per-node energies (N,) whose sum is Q_h; `cells` (N,) are factors on them, 2 for a fold of half a
+    cell."""
     d = local[U] - local[U0]
     g2 = dot(local[G], local[G])
     f = _xi_factor(band, local)[0]
-    terms: Array = (0.5 * band.half_width / band.h) * dot(d, d) * g2**2 * f
+    terms: Array = (0.5 * band.half_width / band.h * cells) * dot(d, d) * g2**2 * f
     return terms
 
 
 def energy_derivatives(
-    band: Band, local: Array, *, with_hessian: bool = True
+    band: Band, local: Array, *, with_hessian: bool = True, cells: Array | float = 1.0
 ) -> tuple[Array, Array, Array | None]:
     """Per-node energy (N,), gradient (14,N) and, if wanted, the Hessian (14,14,N).
 
-    Of the Hessian only entries on and above the diagonal are given.
+    Of the Hessian only entries on and above the diagonal are given. `cells` as in `energy_terms`.
     """
     n = local.shape[1]
-    k = band.half_width / band.h
+    k = band.half_width / band.h * cells
     d = local[U] - local[U0]
     ruling = local[G]
     g2 = dot(ruling, ruling)

@@ -37,7 +37,7 @@ class Folding:
         return out
 
 
-def _rotations(theta: Array, eta: Array) -> Array:
+def rotations(theta: Array, eta: Array) -> Array:
     """Fold rotations (N,3,3) in the facet frame (Rodrigues)."""
     w = 1.0 / np.sqrt(1.0 + eta**2)
     ax, az = eta * w, w
@@ -65,7 +65,7 @@ def frames(folding: Folding, first: Array) -> Array:
 
     Fold 1 sits at the seam, between facet N and facet 1, and is not used here.
     """
-    r = _rotations(folding.theta, folding.eta)
+    r = rotations(folding.theta, folding.eta)
     r[0] = first
     return _scan(r)
 
@@ -76,10 +76,16 @@ def from_state(state: State) -> Folding:
     frame = facet_frames(state)
     before = np.roll(frame, 1, axis=0)
     before[0, :, 1:] *= sigma
+    return Folding(angles(before[:, :, 1], frame[:, :, 1], g), np.einsum("ij,ij->i", u, g))
+
+
+def angles(before: Array, after: Array, g: Array) -> Array:
+    """Fold angles (n,) about rulings g (n,3) from the facets' normals before them to those after, (n,3)
+    each."""
     axis = g / np.linalg.norm(g, axis=1)[:, None]
-    old, new = before[:, :, 1], frame[:, :, 1]
-    theta = np.arctan2(np.einsum("ij,ij->i", np.cross(old, new), axis), np.einsum("ij,ij->i", old, new))
-    return Folding(theta, np.einsum("ij,ij->i", u, g))
+    turned = np.einsum("ij,ij->i", np.cross(before, after), axis)
+    out: Array = np.arctan2(turned, np.einsum("ij,ij->i", before, after))
+    return out
 
 
 def facet_frames(state: State) -> Array:
@@ -96,7 +102,7 @@ def closure_residual(folding: Folding, sigma: int) -> Array:
     The full 3x3 mismatch is used since its skew part also vanishes at half-turns.
     """
     f = frames(folding, np.eye(3))
-    last = f[-1] @ np.diag([1.0, sigma, sigma]) @ _rotations(folding.theta[:1], folding.eta[:1])[0]
+    last = f[-1] @ np.diag([1.0, sigma, sigma]) @ rotations(folding.theta[:1], folding.eta[:1])[0]
     return np.concatenate(((last - np.eye(3)).ravel(), f[:, :, 0].mean(axis=0)))
 
 
@@ -104,21 +110,12 @@ def _closure_derivative(folding: Folding, sigma: int) -> tuple[Array, Array]:
     """Residual (12,) and its Jacobian (12, 2N) in (theta, eta)."""
     n = folding.theta.size
     turn = np.diag([1.0, sigma, sigma])
-    r = _rotations(folding.theta, folding.eta)
+    r = rotations(folding.theta, folding.eta)
     f = frames(folding, np.eye(3))
     end = f[-1] @ turn @ r[0]
     before = np.roll(f, 1, axis=0)
     before[0] = f[-1] @ turn
-    # Infinitesimal rotation vectors, in space, of unit changes of theta_i and eta_i: the fold's
-    # axis a itself, and for eta the vector of dR R^T = [v]x with
-    # v = sin(theta) a' + (1 - cos(theta)) a x a', a' = da/deta.
-    w = 1.0 / np.sqrt(1.0 + folding.eta**2)
-    zero = np.zeros(n)
-    axis = np.stack((folding.eta * w, zero, w), axis=1)
-    daxis = np.stack((w**3, zero, -folding.eta * w**3), axis=1)
-    s, c = np.sin(folding.theta)[:, None], np.cos(folding.theta)[:, None]
-    spin = np.stack((axis, s * daxis + (1.0 - c) * np.cross(axis, daxis)), axis=1)
-    spin = np.einsum("nij,nkj->nki", before, spin)  # (N, 2, 3)
+    spin = spins(before, folding)
     tangent = f[:, :, 0]
     downstream = np.cumsum(tangent[::-1], axis=0)[::-1] / n
     downstream[0] = 0.0  # fold 1 is the last one met, no tangent follows it
@@ -129,6 +126,22 @@ def _closure_derivative(folding: Folding, sigma: int) -> tuple[Array, Array]:
     jacobian[9:] = np.cross(spin, downstream[:, None, :]).transpose(2, 0, 1)
     residual = np.concatenate(((end - np.eye(3)).ravel(), tangent.mean(axis=0)))
     return residual, jacobian.transpose(0, 2, 1).reshape(12, 2 * n)
+
+
+def spins(before: Array, folding: Folding) -> Array:
+    """Infinitesimal rotation vectors (N,2,3), in space, of unit changes of theta_i and eta_i.
+
+    `before` (N,3,3) are the frames that the folds start from. The vectors are the fold's axis a itself, and
+    for eta that of dR R^T = [v]x with v = sin(theta) a' + (1 - cos(theta)) a x a', a' = da/deta.
+    """
+    w = 1.0 / np.sqrt(1.0 + folding.eta**2)
+    zero = np.zeros(folding.theta.size)
+    axis = np.stack((folding.eta * w, zero, w), axis=1)
+    daxis = np.stack((w**3, zero, -folding.eta * w**3), axis=1)
+    s, c = np.sin(folding.theta)[:, None], np.cos(folding.theta)[:, None]
+    spin = np.stack((axis, s * daxis + (1.0 - c) * np.cross(axis, daxis)), axis=1)
+    out: Array = np.einsum("nij,nkj->nki", before, spin)
+    return out
 
 
 def close(folding: Folding, sigma: int, *, tolerance: float = 1e-13, steps: int = 30) -> Folding:
@@ -161,6 +174,11 @@ def xi_from_rulings(band: Band, u: Array, g: Array) -> Array:
     """
     following = np.roll(g, -1, axis=0)
     following[-1] *= band.sigma
+    return xi_between(band, u, g, following)
+
+
+def xi_between(band: Band, u: Array, g: Array, following: Array) -> Array:
+    """The xi (N,) of facets between rulings g_i and g_{i+1}, (N,3) each; raises as `xi_from_rulings`."""
     t = (band.half_width / band.h) * np.einsum("ij,ij->i", u, following - g)
     worst = int(np.argmax(np.abs(t)))
     if abs(t[worst]) >= XI_LIMIT:

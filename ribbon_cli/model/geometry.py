@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from . import folding
+from . import folding, strip_folding
 from .band import Array, State
 
 
@@ -33,8 +33,12 @@ def geometry(state: State, end_ruling: Array | None = None) -> Geometry:
     The curvature is that of the folds.
     """
     band = state.band
-    fold = folding.from_state(state)
-    kappa, eta = fold.curvature(band.h), fold.eta.copy()
+    if band.closed:
+        fold = folding.from_state(state)
+        kappa, eta = fold.curvature(band.h), fold.eta.copy()
+    else:
+        fold = strip_folding.from_state(state)
+        kappa, eta = strip_folding.curvature(fold, band)[:-1], fold.eta[:-1]
     following = state.next_rulings()
     if end_ruling is not None:
         following[-1] = end_ruling

@@ -14,8 +14,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy
+from numpy.typing import NDArray
 
+from ..parts import CLAMPED, FREE
 from .band import Array, Band, State
+from .ends import finish_frame, start_frame
 
 
 @dataclass(frozen=True)
@@ -58,17 +61,39 @@ def folding_differential(state: State) -> scipy.sparse.csr_matrix:
     node = np.arange(n)
     xyz = np.arange(3)
     last = (node - 1) % n
-    parts = (
+    parts = [
         (node, 7 * last, np.cross(u, g) / h),
         (node, 7 * node, np.cross(g, before) / h),
         (node, 7 * node + 3, np.cross(before, u) / h),
         (n + node, 7 * node, g),
         (n + node, 7 * node + 3, u),
-    )
+    ]
+    size = 2 * n
+    if state.g_end is not None:
+        parts = [*((row[1:], column[1:], values[1:]) for row, column, values in parts), *_at_ends(state)]
+        size += 2
     rows = np.concatenate([np.repeat(row, 3) for row, _, _ in parts])
     columns = np.concatenate([(column[:, None] + xyz).ravel() for _, column, _ in parts])
     values = np.concatenate([value.ravel() for _, _, value in parts])
-    return scipy.sparse.csr_matrix((values, (rows, columns)), shape=(2 * n, 7 * n))
+    return scipy.sparse.csr_matrix((values, (rows, columns)), shape=(size, 7 * n))
+
+
+def _at_ends(state: State) -> list[tuple[NDArray[np.int64], NDArray[np.int64], Array]]:
+    """Rows, columns and values of a strip's ends: the folds at clamps, of half a cell, and a free end's
+    eta."""
+    n, h, ends = state.band.segments, state.band.h, state.band.parts.ends
+    assert ends is not None
+    assert state.g_end is not None
+    place, last, out = np.array([0]), np.array([7 * (n - 1)]), []
+    if ends.start == CLAMPED:
+        start = start_frame(ends)
+        out.append((place, place, 2.0 / h * np.cross(start.ruling, start.tangent)[None]))
+    if ends.end == CLAMPED:
+        finish = finish_frame(ends)
+        out.append((place + 2 * n, last, 2.0 / h * np.cross(finish.tangent, finish.ruling)[None]))
+    if ends.end == FREE:
+        out += [(place + 2 * n, last, state.g_end[None]), (place + 2 * n, place + 3, state.u[-1:])]
+    return out
 
 
 def _folding(state: State) -> scipy.sparse.csr_matrix:

@@ -2,19 +2,29 @@
 
 A `Problem` may have prescribed rulings (the auxiliary problems of the recipes). Prescribed
 components stay in the vector x but do not move: their columns vanish from every derivative.
+
+On a strip with ends the rows are those of a band but for three things. The end says where the midline ends,
+h sum u = displacement, in place of closure; a free end does not. Node 1, whose ruling is held, has no row for
+that ruling's length; its place is taken by the end's own row, (t_B - u_N).g_{N+1} where the end is held and
+|g_{N+1}|^2 - (g_{N+1}.u_N)^2 - 1 where it is free.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from ..parts import CLAMPED
+from ..parts import CLOSED as PLAIN
+from ..parts import FREE as FREE_END
+from . import stencil as local_blocks
 from .band import Array, Band, State
+from .bending import Bending
 from .constraints import (
     PER_NODE,
     add_constraint_hessian,
@@ -22,11 +32,14 @@ from .constraints import (
     constraint_values,
     row_weights,
 )
-from .energy import energy_derivatives, energy_terms
+from .ends import displacement, finish_frame, start_frame
 from .sparsity import Scatter
-from .stencil import G1, SIZE, U0, X0, G, Stencil, U, X, stencil
+from .stencil import G1, SIZE, U0, X0, G, IntArray, Seam, Stencil, U, X, stencil
+from .term import Couplings
+from .terms import terms_of
 
-CLOSURE = 3
+END_ROW = 1
+"""The row of a strip's end, in the place of node 1's second."""
 
 
 def _hessian_structure() -> NDArray[np.bool_]:
@@ -51,8 +64,39 @@ def _jacobian_structure() -> NDArray[np.bool_]:
     return full
 
 
-HESSIAN_ROWS, HESSIAN_COLUMNS = np.nonzero(_hessian_structure())
 JACOBIAN_ROWS, JACOBIAN_COLUMNS = np.nonzero(_jacobian_structure())
+
+
+@lru_cache(maxsize=32)
+def hessian_places(couplings: Couplings) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Rows and columns of the structural nonzeros of a node's Hessian, with those that terms add."""
+    structure = _hessian_structure()
+    for one, other in couplings:
+        structure[getattr(local_blocks, one), getattr(local_blocks, other)] = True
+    rows, columns = np.nonzero(np.triu(structure))
+    return rows, columns
+
+
+@dataclass(frozen=True)
+class Layout:
+    """What the sparsity of a problem's matrices depends on."""
+
+    segments: int
+    seam: Seam
+    couplings: Couplings = ()
+
+    @property
+    def rows(self) -> int:
+        """Number of constraint rows."""
+        return PER_NODE * self.segments + self.seam.closing
+
+    def row_places(self) -> IntArray:
+        """The constraint row (5, M) of each of a local vector's five."""
+        n = self.segments
+        places = PER_NODE * np.arange(n) + np.arange(PER_NODE)[:, None]
+        if self.seam.strip:
+            places = np.column_stack((places, np.full(PER_NODE, END_ROW)))
+        return places
 
 
 @dataclass(frozen=True)
@@ -81,10 +125,10 @@ FREE = Prescription()
 
 @dataclass(frozen=True)
 class LocalDerivatives:
-    """Per-node derivatives with seam signs applied, ready to be scattered.
+    """Per-node derivatives with seam signs applied, ready to be scattered; M is N, on strips N+1.
 
-    `gradient` (7N,) of Q_h; `constraints` (5N+3,) and `jacobian` (5,14,N) weighted by (2.47);
-    `hessian` (14,14,N) of the Lagrangian, on and above its diagonal.
+    `gradient` (7N,) of the energy; `constraints` (5N+3,) and `jacobian` (5,14,M) weighted by (2.47);
+    `hessian` (14,14,M) of the Lagrangian, on and above its diagonal, nonzero at `places` alone.
     """
 
     energy: float
@@ -92,21 +136,23 @@ class LocalDerivatives:
     constraints: Array
     jacobian: Array
     hessian: Array
+    places: tuple[NDArray[np.intp], NDArray[np.intp]]
 
     def jacobian_entries(self) -> Array:
-        """Structural entries of the Jacobian, (37N,), those of one place in the stencil together."""
+        """Structural entries of the Jacobian, (37M,), those of one place in the stencil together."""
         return self.jacobian[JACOBIAN_ROWS, JACOBIAN_COLUMNS].ravel()
 
     def hessian_entries(self) -> Array:
-        """Structural entries of the Hessian on and above its diagonal, (72N,), ordered likewise."""
-        return self.hessian[HESSIAN_ROWS, HESSIAN_COLUMNS].ravel()
+        """Structural entries of the Hessian on and above its diagonal, ordered likewise."""
+        return self.hessian[self.places].ravel()
 
 
 class Problem:
-    """Energy and constraints of one band, Koldaev (2022), (2.19), on vectors x (7N,).
+    """Energy and constraints of one band or strip, Koldaev (2022), (2.19), on vectors x (7N,).
 
     Constraint values are returned weighted by (2.47) in `weighted_constraints` (so that multipliers
-    are those of (1.58)) and as written in (2.19) in `constraints`.
+    are those of (1.58)) and as written in (2.19) in `constraints`. `closing` is the number of rows that say
+    where the midline ends, 3 but for a free end, and `target` (3,) where that is.
     """
 
     def __init__(self, band: Band, prescription: Prescription = FREE) -> None:
@@ -114,20 +160,39 @@ class Problem:
         self.prescription = prescription
         self.stencil: Stencil = stencil(band, open_seam=prescription.seam is not None)
         self.size = 7 * band.segments
-        self.rows = PER_NODE * band.segments + CLOSURE
-        self._end = np.zeros(3) if prescription.seam is None else np.asarray(prescription.seam, dtype=float)
+        ends = band.parts.ends
+        self.bending = Bending(band)
+        self.terms = tuple(term for term in terms_of(band) if term.active) if band.parts != PLAIN else ()
+        couplings = tuple(sorted({pair for term in self.terms for pair in term.couplings}))
+        self.layout = Layout(band.segments, self.stencil.seam, couplings)
+        self.rows, self.closing = self.layout.rows, self.stencil.seam.closing
         self.fixed = np.zeros(self.size, dtype=bool)
-        for node in prescription.rulings:
-            self.fixed[7 * node + 3 : 7 * node + 6] = True
-        self._has_fixed = bool(self.fixed.any())
+        self.target = np.zeros(3)
+        if ends is None:
+            seam = prescription.seam
+            self._data = np.zeros(3) if seam is None else np.asarray(seam, dtype=float)
+            for node in prescription.rulings:
+                self.fixed[7 * node + 3 : 7 * node + 6] = True
+        else:
+            start, finish = start_frame(ends), finish_frame(ends)
+            self._data = np.concatenate((start.tangent, start.ruling, finish.tangent))
+            if ends.end != FREE_END:
+                self.fixed[3:6] = True
+                self.target = displacement(ends)
+        self._masked = bool(self.fixed.any()) or self.stencil.seam is not Seam.CLOSED
         weights = np.tile(row_weights(band), band.segments)
-        self.weights = np.concatenate((weights, np.full(CLOSURE, band.h)))
+        if self.stencil.seam is Seam.HELD:
+            weights[END_ROW] = 1.0
+        self.weights = np.concatenate((weights, np.full(self.closing, band.h)))
 
     def impose(self, x: Array) -> Array:
         """Return x (7N,) with the prescribed rulings written into it."""
         out = x.copy()
         for node, vector in self.prescription.rulings.items():
             out[7 * node + 3 : 7 * node + 6] = vector
+        if self.stencil.seam is Seam.HELD:
+            assert self.band.parts.ends is not None
+            out[3:6] = finish_frame(self.band.parts.ends).ruling
         return out
 
     def state(self, x: Array) -> State:
@@ -135,9 +200,20 @@ class Problem:
         return State.from_vector(self.band, x)
 
     def end_ruling(self, x: Array) -> Array:
-        """g_{N+1} (3,): sigma g_1 where the seam is closed, the prescribed one where it is open."""
-        end: Array = self.band.sigma * x[3:6] if self.prescription.seam is None else self._end.copy()
+        """g_{N+1} (3,): sigma g_1 where the seam is closed, the prescribed one where it is open, a strip's
+        own."""
+        if self.stencil.seam is Seam.OPEN:
+            return self._data.copy()
+        end: Array = x[3:6].copy() if self.stencil.seam.strip else self.band.sigma * x[3:6]
         return end
+
+    def rulings(self, x: Array) -> Array:
+        """g_i (N,3) at each facet's near node; g_1 of a strip is its start's."""
+        g = x.reshape(-1, 7)[:, 3:6]
+        if not self.stencil.seam.strip:
+            return g
+        out: Array = np.vstack((self._data[3:6], g[1:]))
+        return out
 
     def next_rulings(self, x: Array) -> Array:
         """g_{i+1} (N,3) at each facet's far node."""
@@ -145,75 +221,142 @@ class Problem:
         out: Array = np.vstack((g[1:], self.end_ruling(x)))
         return out
 
-    def _local(self, x: Array) -> Array:
-        return self.stencil.gather(np.concatenate((x, self._end)))
+    def local(self, x: Array) -> Array:
+        """The local vectors (14, M) at x (7N,)."""
+        return self.stencil.gather(np.concatenate((x, self._data)))
 
     def energy(self, x: Array) -> float:
-        """Q_h, not divided by pi b."""
+        """Q_h, not divided by pi b, with the potential of loads where there are any."""
         return float(self.energy_terms(x).sum())
 
     def energy_terms(self, x: Array) -> Array:
-        """The nodes' parts (N,) of Q_h."""
-        return energy_terms(self.band, self._local(x))
+        """The local vectors' parts (M,) of the energy."""
+        local = self.local(x)
+        total = self.bending.values(local)
+        for term in self.terms:
+            total = total + term.values(local)
+        return total
+
+    def bending_energy(self, x: Array) -> float:
+        """The energy without the potential of loads."""
+        local = self.local(x)
+        elastic = (term for term in self.terms if not term.load)
+        return float(self.bending.values(local).sum()) + sum(
+            float(term.values(local).sum()) for term in elastic
+        )
 
     def constraints(self, x: Array) -> Array:
         """Constraint values (5N+3,) as written in (2.19), node by node, sum u last."""
-        return self._constraints(self._local(x))
+        return self._constraints(self.local(x))
 
     def _constraints(self, local: Array) -> Array:
         values = constraint_values(self.band, local)
         for node in self.prescription.rulings:
             values[1, node] = local[G, node] @ local[U, node]
         if self.prescription.seam is not None:
-            values[2, 0] = self._end @ local[U0, 0]
-        return np.concatenate((values.T.ravel(), local[U].sum(axis=1)))
+            values[2, 0] = self._data @ local[U0, 0]
+        n = self.band.segments
+        out = values[:, :n].T.ravel()
+        if self.stencil.seam.strip:
+            out[END_ROW] = values[self._end_kind, n]
+        if not self.closing:
+            return out
+        total = local[U, :n].sum(axis=1)
+        if self.stencil.seam.strip:
+            total = total - self.target / self.band.h
+        return np.concatenate((out, total))
+
+    @property
+    def _end_kind(self) -> int:
+        """Which of the five rows of the end node is the end's."""
+        return 2 if self.stencil.seam is Seam.HELD else 1
 
     def weighted_constraints(self, x: Array) -> Array:
         """Constraint values (5N+3,) weighted by (2.47)."""
         out: Array = self.constraints(x) * self.weights
         return out
 
+    def local_multipliers(self, multipliers: Array) -> Array:
+        """Multipliers (5N+3,) by node, (5, M)."""
+        n = self.band.segments
+        out: Array = multipliers[: PER_NODE * n].reshape(n, PER_NODE).T
+        if self.stencil.seam.strip:
+            end = np.zeros((PER_NODE, 1))
+            end[self._end_kind] = multipliers[END_ROW]
+            out = np.hstack((out, end))
+            out[1, 0] = 0.0
+        return out
+
     def local_derivatives(self, x: Array, multipliers: Array | None) -> LocalDerivatives:
         """All derivatives at x for multipliers (5N+3,), node by node; without, the Hessian is left zero."""
-        band = self.band
-        local = self._local(x)
-        terms, gradient, hessian = energy_derivatives(band, local, with_hessian=multipliers is not None)
-        if hessian is None:
-            hessian = np.zeros((SIZE, SIZE, band.segments))
-        jacobian = constraint_jacobian(band, local)
-        weights = row_weights(band)[:, None]
-        curvature = np.zeros((PER_NODE, band.segments))
-        if multipliers is not None:
-            curvature -= weights * multipliers[:-CLOSURE].reshape(-1, PER_NODE).T
-        for node in self.prescription.rulings:
-            self._replace_unit_length_row(node, local, jacobian, hessian, curvature)
-        if self.prescription.seam is not None:
-            jacobian[2, :, 0] = 0.0
-            jacobian[2, U0, 0] = self._end
-            curvature[2, 0] = 0.0
-        if multipliers is not None:
-            add_constraint_hessian(band, local, curvature, hessian)
-        jacobian *= weights[:, None]
-        seam = self.stencil
-        for values in (gradient, jacobian, hessian, hessian.transpose(1, 0, 2)):
-            seam.apply_signs(values)
-        if self._has_fixed or self.prescription.seam is not None:
-            moves = ~np.concatenate((self.fixed, np.ones(3, dtype=bool)))[seam.index]
+        local = self.local(x)
+        energy, gradient, jacobian, hessian = self.unmasked(local, multipliers)
+        if self._masked:
+            moves = ~np.concatenate((self.fixed, np.ones(self.stencil.seam.data, dtype=bool)))[
+                self.stencil.index
+            ]
             jacobian *= moves
             hessian *= moves[:, None] & moves
             gradient *= moves
         return LocalDerivatives(
-            float(terms.sum()),
+            energy,
             self.gathered(gradient),
             self._constraints(local) * self.weights,
             jacobian,
             hessian,
+            hessian_places(self.layout.couplings),
         )
 
+    def unmasked(self, local: Array, multipliers: Array | None) -> tuple[float, Array, Array, Array]:
+        """Derivatives in the local vectors (14,M), of what is held and of data as well as of unknowns.
+
+        The energy, its gradient (14,M), the weighted Jacobian (5,14,M), the Lagrangian's Hessian (14,14,M).
+        """
+        band, seam = self.band, self.stencil
+        terms, gradient, hessian = self.bending.derivatives(local, with_hessian=multipliers is not None)
+        energy = float(terms.sum())
+        if hessian is None:
+            hessian = np.zeros((SIZE, SIZE, local.shape[1]))
+        for term in self.terms:
+            energy += float(term.values(local).sum())
+            gradient += term.gradient(local)
+            if multipliers is not None:
+                term.add_hessian(local, hessian)
+        jacobian = constraint_jacobian(band, local)
+        weights = row_weights(band)[:, None]
+        curvature = np.zeros((PER_NODE, local.shape[1]))
+        if multipliers is not None:
+            curvature -= weights * self.local_multipliers(multipliers)
+        for node in self.prescription.rulings:
+            self._replace_unit_length_row(node, local, jacobian, hessian, curvature)
+        if self.prescription.seam is not None:
+            jacobian[2, :, 0] = 0.0
+            jacobian[2, U0, 0] = self._data
+            curvature[2, 0] = 0.0
+        if seam.seam.strip:
+            jacobian[1, :, 0] = 0.0
+            jacobian[[k for k in range(PER_NODE) if k != self._end_kind], :, -1] = 0.0
+        if multipliers is not None:
+            add_constraint_hessian(band, local, curvature, hessian)
+        jacobian *= weights[:, None]
+        if seam.seam.strip:
+            seam.fold_back(gradient)
+            seam.fold_back(jacobian)
+            seam.fold_back_hessian(hessian)
+        for values in (gradient, jacobian, hessian, hessian.transpose(1, 0, 2)):
+            seam.apply_signs(values)
+        return energy, gradient, jacobian, hessian
+
     def gathered(self, values: Array) -> Array:
-        """Sum local values (14,N) into a vector (7N,)."""
-        total = np.bincount(self.stencil.index.ravel(), weights=values.ravel(), minlength=self.size + 3)
-        return total[: self.size].astype(np.float64, copy=False)
+        """Sum local values (14,M) into a vector (7N,)."""
+        return self.gathered_with_data(values)[: self.size]
+
+    def gathered_with_data(self, values: Array) -> Array:
+        """Sum local values (14,M) into a vector of unknowns and data: g_{N+1}, or t_A, g_1, t_B of a
+        strip."""
+        slots = self.size + self.stencil.seam.data
+        total = np.bincount(self.stencil.index.ravel(), weights=values.ravel(), minlength=slots)
+        return total.astype(np.float64, copy=False)
 
     @staticmethod
     def _replace_unit_length_row(
@@ -229,23 +372,25 @@ class Problem:
     @cached_property
     def _jacobian_scatter(self) -> Scatter:
         n, index = self.band.segments, self.stencil.index
-        rows = PER_NODE * np.arange(n) + JACOBIAN_ROWS[:, None]
-        closing_rows = PER_NODE * n + np.tile(np.arange(CLOSURE), n)
-        closing_columns = (7 * np.arange(n)[:, None] + np.arange(3)).ravel()
+        rows = self.layout.row_places()[JACOBIAN_ROWS]
+        closing_rows = PER_NODE * n + np.tile(np.arange(self.closing), n)
+        closing_columns = (7 * np.arange(n)[:, None] + np.arange(self.closing)).ravel()
         return Scatter.build(
             np.concatenate((rows.ravel(), closing_rows)),
             np.concatenate((index[JACOBIAN_COLUMNS].ravel(), closing_columns)),
-            (self.rows, self.size + 3),
+            (self.rows, self.size + self.stencil.seam.data),
         )
 
     @cached_property
     def _hessian_scatter(self) -> Scatter:
-        rows, columns = self.stencil.index[HESSIAN_ROWS], self.stencil.index[HESSIAN_COLUMNS]
-        off = HESSIAN_ROWS != HESSIAN_COLUMNS
+        places = hessian_places(self.layout.couplings)
+        rows, columns = self.stencil.index[places[0]], self.stencil.index[places[1]]
+        off = places[0] != places[1]
+        total = self.size + self.stencil.seam.data
         return Scatter.build(
             np.concatenate((rows.ravel(), columns[off].ravel())),
             np.concatenate((columns.ravel(), rows[off].ravel())),
-            (self.size + 3, self.size + 3),
+            (total, total),
         )
 
     def jacobian(self, x: Array) -> scipy.sparse.csc_matrix:
@@ -254,7 +399,7 @@ class Problem:
 
     def jacobian_matrix(self, local: LocalDerivatives) -> scipy.sparse.csc_matrix:
         """Assemble the weighted Jacobian (5N+3, 7N) from local derivatives."""
-        closing = np.full(CLOSURE * self.band.segments, self.band.h)
+        closing = np.full(self.closing * self.band.segments, self.band.h)
         values = np.concatenate((local.jacobian_entries(), closing))
         return self._jacobian_scatter.matrix(values)[:, : self.size]
 
@@ -264,27 +409,54 @@ class Problem:
 
     def hessian_matrix(self, local: LocalDerivatives) -> scipy.sparse.csc_matrix:
         """Assemble the Lagrangian's Hessian (7N, 7N) from local derivatives."""
-        off = local.hessian[HESSIAN_ROWS, HESSIAN_COLUMNS][HESSIAN_ROWS != HESSIAN_COLUMNS].ravel()
+        off = local.hessian[local.places][local.places[0] != local.places[1]].ravel()
         values = np.concatenate((local.hessian_entries(), off))
         return self._hessian_scatter.matrix(values)[: self.size, : self.size]
 
     def gradient(self, x: Array) -> Array:
-        """Gradient (7N,) of Q_h; zero at prescribed components."""
+        """Gradient (7N,) of the energy; zero at prescribed components."""
         return self.local_derivatives(x, np.zeros(self.rows)).gradient
+
+    def lagrangian_gradient(self, local: LocalDerivatives, multipliers: Array) -> Array:
+        """Gradient (7N,) of the Lagrangian (2.53) in x, by gathering local Jacobians."""
+        pulled = np.einsum("kji,ki->ji", local.jacobian, self.local_multipliers(multipliers))
+        out = local.gradient - self.gathered(pulled)
+        if self.closing:
+            out.reshape(-1, 7)[:, :3] -= self.band.h * multipliers[-self.closing :]
+        return out
+
+    def _held(self) -> list[Array]:
+        """Vectors that a rigid rotation must keep."""
+        ends, loads = self.band.parts.ends, self.band.parts.loads
+        if ends is None:
+            prescribed = [*self.prescription.rulings.values()]
+            return prescribed if self.prescription.seam is None else [*prescribed, self._data]
+        held = [self._data[3:6]]
+        if ends.start == CLAMPED:
+            held.append(self._data[:3])
+        if ends.end != FREE_END:
+            finish = finish_frame(ends)
+            held += [finish.ruling, self.target / self.band.length]
+            if ends.end == CLAMPED:
+                held.append(finish.tangent)
+        forces = [loads.end_force, loads.point_force]
+        if loads.gravity:
+            forces.append(loads.gravity_direction)
+        return held + [np.asarray(force) / np.linalg.norm(force) for force in forces if any(force)]
 
     def rotations(self, x: Array) -> Array:
         """Tangents (7N, r) of the rigid rotations that keep all prescribed rulings, r <= 3.
 
         Columns are orthonormal in the Euclidean metric.
         """
-        held = [*self.prescription.rulings.values()]
-        if self.prescription.seam is not None:
-            held.append(self._end)
+        held = self._held()
         axes = np.eye(3)
         if held:
             stacked = np.vstack([-_cross(v) for v in held])
             singular, rows = np.linalg.svd(stacked)[1:]
             axes = rows[singular < 1e-9].T
+        if not axes.shape[1]:
+            return np.zeros((self.size, 0))
         y = x.reshape(-1, 7)
         spun = np.zeros((self.band.segments, 7, 3))
         for first in (0, 3):

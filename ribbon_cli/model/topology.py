@@ -25,7 +25,12 @@ from numpy.typing import NDArray
 from .band import Array
 
 IntArray = NDArray[np.intp]
+Clamp = tuple[Array, Array]
 
+# Edges of an open midline beyond which its writhe is that of a polygon through some of the vertices, and how
+# many of them are taken against all others at once.
+OPEN_EDGES = 800
+OPEN_ROWS = 100
 # How far from a whole (half) number Tw + Wr may be: rounding is about 1e-12 at N = 3200.
 EXACT_TOLERANCE = 1e-6
 # The midline counts as closed when its ends are nearer than this part of an edge.
@@ -82,6 +87,43 @@ def open_turn(u: Array, g: Array, h: float) -> float:
     as for `linking_number`.
     """
     return float(np.sum(twist_angles(u, g, 1)[1:])) / math.tau + writhe(u, h)
+
+
+def strip_turn(
+    u: Array, g: Array, before: Clamp | None, after: Clamp | None, h: float
+) -> tuple[float, float]:
+    """Tw and Wr, in turns, of a strip; `before` and `after` are tangent and ruling (3,) of its clamps.
+
+    Tw is that of the rulings from one clamp's to the other's, or to the last facets where an end is no
+    clamp, Wr
+    the Gauss integral over the open midline, of a polygon through every so many vertices where there are more
+    than `OPEN_EDGES`. Their sum is no invariant; it jumps by 2 where the strip passes through itself. Raises
+    ValueError as `twist`.
+    """
+    clamps = ([clamp] if clamp is not None else [] for clamp in (before, after))
+    first, last = clamps
+    t = _normalised(np.vstack([*(c[0] for c in first), _checked(u), *(c[0] for c in last)]), "facet tangent")
+    rulings = np.vstack([*(c[1] for c in first), _checked(g), *(c[1] for c in last)])
+    across = _normalised(_across(rulings, t), "ruling's part across the midline")
+    vertices = np.vstack((np.zeros(3), np.cumsum(h * u, axis=0)))
+    return float(np.sum(_frame_angles(t, across, 1)[1:])) / math.tau, open_writhe(vertices)
+
+
+def open_writhe(vertices: Array) -> float:
+    """The Gauss integral Wr of an open polygon with these vertices (M+1, 3), thinned to `OPEN_EDGES`
+    edges."""
+    count = len(vertices) - 1
+    if count > OPEN_EDGES:
+        vertices = vertices[np.round(np.linspace(0, count, OPEN_EDGES + 1)).astype(int)]
+    start, stop = vertices[:-1], vertices[1:]
+    total, n = 0.0, len(start)
+    for first in range(0, n, OPEN_ROWS):
+        i, j = np.triu_indices(min(OPEN_ROWS, n - first), k=2, m=n - first)
+        i, j = i + first, j + first
+        area = _solid_angle(start[j] - start[i], stop[j] - start[i], stop[j] - stop[i])
+        area += _solid_angle(start[j] - start[i], stop[j] - stop[i], start[j] - stop[i])
+        total += float(np.sum(area))
+    return -total / math.tau
 
 
 def twist(u: Array, g: Array, sigma: int) -> float:

@@ -293,21 +293,17 @@ def branch_figure(
 
 def _mark(axes: Axes, states: Sequence[Summary], b: np.ndarray, values: np.ndarray, style: Style) -> None:
     """Marks that say what each state is."""
-    kinds: dict[str, tuple[list[bool], dict[str, Any]]] = {
-        "certified minimum": ([s.certified for s in states], {"marker": "o", "color": PALETTE[0]}),
-        "no certificate": (
-            [not s.certified for s in states],
-            {"marker": "o", "markerfacecolor": "white", "markeredgecolor": PALETTE[1], "zorder": 3},
-        ),
-        "self-contact": (
-            [s.self_contact for s in states],
-            {"marker": "x", "color": PALETTE[1], "markersize": 1.6 * style.marker, "zorder": 4},
-        ),
-    }
-    for label, (chosen, look) in kinds.items():
+
+    def mark(label: str, chosen: list[bool], **look: Any) -> None:
         mask = np.array(chosen)
         if mask.any():
             axes.plot(b[mask], values[mask], linestyle="", label=label, **look)
+
+    mark("certified minimum", [s.certified for s in states], marker="o", color=PALETTE[0])
+    uncertified, touching = [not s.certified for s in states], [s.self_contact for s in states]
+    open_look: dict[str, Any] = {"markerfacecolor": "white", "markeredgecolor": PALETTE[1]}
+    mark("no certificate", uncertified, marker="o", zorder=3, **open_look)
+    mark("self-contact", touching, marker="x", color=PALETTE[1], markersize=1.6 * style.marker, zorder=4)
 
 
 def lowest_value(record: StateRecord, *left_out: str) -> float | None:

@@ -10,10 +10,9 @@ Lk = 0.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ..doors import Later
 from ..keys import SEGMENTS
@@ -44,19 +43,13 @@ HALF_TURN = (
 """The stages of the half-turn, in order."""
 
 
-def eversion_stages(segments: int, steps: int) -> Iterator[Turn]:
-    """The auxiliary problems k = 0..steps, (3.6)-(3.8); k = 0 is the cylinder itself.
+def eversion_stage(segments: int, steps: int, index: float) -> Turn:
+    """The auxiliary problem after `index` steps, whole or not, of so many, (3.6)-(3.8); 0 is the cylinder.
 
     Raises ValueError if `segments` is odd, so that no ruling is opposite the first, or steps is not positive.
     """
     if segments % 2 or steps < 1:
         raise ValueError("an eversion needs an even number of segments and at least one step")
-    for k in range(steps + 1):
-        yield eversion_stage(segments, steps, k)
-
-
-def eversion_stage(segments: int, steps: int, index: float) -> Turn:
-    """The auxiliary problem after `index` steps, whole or not, of so many."""
     angle = 0.5 * math.pi * index / steps
     # Exact at the end, so that the halves fit when one is turned.
     sine, cosine = (1.0, 0.0) if index == steps else (math.sin(angle), math.cos(angle))
@@ -136,35 +129,51 @@ def not_everted(state: State) -> str | None:
     return f"(It is {what}: kappa changes sign {changes} times, where an everted cylinder has {INFLECTIONS}.)"
 
 
-def in_two_pieces(joined: State, pieces: Pieces) -> dict[str, Any]:
+@dataclass(frozen=True, eq=False)
+class TwoPieces:
+    """What the record of a band in two pieces has in place of the joined one's; see `in_two_pieces`."""
+
+    u: Array
+    g: Array
+    g_end: Array
+    cut_node: int
+    g_cut: Array
+    midline: Array
+    kappa_s: Array
+    tau: Array
+    eta: Array
+    energy: float
+    linking_number: float = math.nan
+    twist: float = math.nan
+    writhe: float = math.nan
+    self_contact: bool = False
+    clearance: float = math.nan
+
+
+def in_two_pieces(joined: State, pieces: Pieces) -> TwoPieces:
     """What the record of a band in two pieces has in place of the joined one's.
 
     Folds at the cuts do not exist: kappa_s, tau and eta are no numbers there, and their energy is left out.
     Neither linking number nor clearance is defined.
     """
-    half, nan = joined.band.segments // 2, float("nan")
+    half = joined.band.segments // 2
     whole = problem.Problem(joined.band)
     shape = geometry.geometry(joined)
     kappa, tau, eta = shape.kappa_s.copy(), shape.tau.copy(), shape.eta.copy()
-    kappa[[0, half]] = tau[[0, half]] = eta[[0, half]] = nan
+    kappa[[0, half]] = tau[[0, half]] = eta[[0, half]] = math.nan
     terms = whole.energy_terms(joined.vector())
-    return {
-        "u": pieces.u,
-        "g": pieces.g,
-        "g_end": pieces.end,
-        "cut_node": half + 1,
-        "g_cut": pieces.cut,
-        "midline": pieces.midline,
-        "kappa_s": kappa,
-        "tau": tau,
-        "eta": eta,
-        "energy": float(terms.sum() - terms[0] - terms[half]),
-        "linking_number": nan,
-        "twist": nan,
-        "writhe": nan,
-        "self_contact": False,
-        "clearance": nan,
-    }
+    return TwoPieces(
+        u=pieces.u,
+        g=pieces.g,
+        g_end=pieces.end,
+        cut_node=half + 1,
+        g_cut=pieces.cut,
+        midline=pieces.midline,
+        kappa_s=kappa,
+        tau=tau,
+        eta=eta,
+        energy=float(terms.sum() - terms[0] - terms[half]),
+    )
 
 
 def _half_turned(k: int, state: State | None) -> Made:

@@ -9,7 +9,7 @@ without NumPy, so a recipe's file imports at its top nothing that loads it: math
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from ..keys import HALF_WIDTH, SEGMENTS, Integer, Key
@@ -69,12 +69,13 @@ class Turning:
 class Made:
     """A state that was made without solving, and how.
 
-    `changes` are fields of its record that do not follow from the state.
+    `changes` is a dataclass with those fields of its record that do not follow from the state, if there are
+    such.
     """
 
     state: State
     method: str
-    changes: Mapping[str, Any] = field(default_factory=dict)
+    changes: object = None
 
 
 @dataclass(frozen=True)

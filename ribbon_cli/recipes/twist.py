@@ -14,7 +14,7 @@ u_1.v_1 > 0 against this.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -37,19 +37,14 @@ HANDEDNESS = -1.0
 TURNED_OVER = "(Beyond half a turn it turns over at the seam, and turned on it would untwist to another Lk.)"
 
 
-def twist_stages(half_twists: int, steps: int) -> Iterator[Turn]:
-    """The auxiliary problems that turn the seam by half_twists * pi; positive is right-handed, Lk > 0.
+def twist_stage(half_twists: int, steps: int, index: float) -> Turn:
+    """The auxiliary problem after `index` steps, whole or not, of those that turn the seam by half_twists *
+    pi.
 
-    Raises ValueError if half_twists is zero or steps is not positive.
+    Positive is right-handed, Lk > 0. Raises ValueError if half_twists is zero or steps is not positive.
     """
     if half_twists == 0 or steps < 1:
         raise ValueError("a twist needs at least one half-twist and one step")
-    for k in range(1, steps + 1):
-        yield twist_stage(half_twists, steps, k)
-
-
-def twist_stage(half_twists: int, steps: int, index: float) -> Turn:
-    """The auxiliary problem after `index` steps, whole or not, of so many."""
     angle = math.pi * half_twists * index / steps
     ruling = seam_ruling(angle, index == steps, half_twists)
     held = problem.Prescription({0: np.array(FIRST)}, ruling)

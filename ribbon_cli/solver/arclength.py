@@ -1,11 +1,12 @@
-"""Pseudo-arclength continuation in the half-width: points of a branch, their tangents, one step along it.
+"""Pseudo-arclength continuation in a parameter: points of a branch, their tangents, one step along it.
 
-A branch is a curve of stationary points z = (x, lambda, b). Its length is measured by
+A branch is a curve of stationary points z = (x, lambda, p). Its length is measured by
 
-    ds^2 = (h / l) sum_i (|du_i|^2 + |dg_i|^2) + (2 pi db / l)^2,
+    ds^2 = (h / l) sum_i (|du_i|^2 + |dg_i|^2) + (w dp)^2,      w = 2 pi / l for the half-width,
 
-the mean square change of tangents and rulings along the band: independent of the mesh and of the unit of
-length; xi and the multipliers, which u, g and b determine, have no weight. A step predicts along the unit
+the mean square change of tangents and rulings along the band and that of the parameter as a pure number
+(`parts.Parameter.weight`): independent of the mesh and of the unit of length; xi and the multipliers, which
+u, g and p determine, have no weight, nor has what is held. A step predicts along the unit
 tangent t and corrects on the hyperplane <t, z - z_0> = ds (Keller 1977), by Newton's method without any
 regard for minima: points of a branch may be saddles, and their index is counted, not changed.
 """
@@ -22,13 +23,14 @@ import numpy as np
 from ..model.band import Array, Band, State
 from ..model.contact import self_contact
 from ..model.problem import Problem
-from ..model.width import constraints_by_width, gradient_by_width
+from ..model.rates import Rates, rates
+from ..parts import HALF_WIDTH, PARAMETERS
 from .bordered import BorderedSystem
 from .inertia import inertia
 from .kkt import FactorisationError, KKTMatrix
 from .linear import Factor
 from .newton import SETTLED, Guard, change, estimate_multipliers, inverted_facets, iterate_at
-from .saddle_free import lagrangian_gradient, newton_step
+from .saddle_free import newton_step
 from .status import Iterate, Result, Status
 
 TOLERANCE = 1e-9
@@ -43,7 +45,7 @@ LONGEST_CORRECTION = 0.25
 """Largest change in one Newton step of a corrector: a longer one may lead to another branch."""
 
 Place = tuple[Array, Array, float]
-"""x (7N,), multipliers (5N+3,) and b, or changes of them."""
+"""x (7N,), multipliers (5N+3,) and the parameter, or changes of them."""
 
 
 class CorrectorError(ArithmeticError):
@@ -52,29 +54,23 @@ class CorrectorError(ArithmeticError):
 
 @dataclass(frozen=True)
 class Tangent:
-    """A direction in (x, lambda, b): x (7N,), multipliers (5N+3,) and half_width."""
+    """A direction in (x, lambda, p): x (7N,), multipliers (5N+3,) and the parameter's change."""
 
     x: Array
     multipliers: Array
-    half_width: float
+    value: float
 
 
-def weights(band: Band) -> tuple[Array, float]:
-    """The metric of arclength: weights (7N,) of x and that of b."""
+def shape_weights(band: Band) -> Array:
+    """The weights (7N,) of x in the metric of arclength."""
     out = np.full((band.segments, 7), 1.0 / band.segments)
     out[:, 6] = 0.0
-    return out.ravel(), (2.0 * math.pi / band.length) ** 2
-
-
-def product(band: Band, one: Tangent, other: Tangent) -> float:
-    """The scalar product of two directions; multipliers have no weight."""
-    inner, outer = weights(band)
-    return float(one.x @ (inner * other.x)) + outer * one.half_width * other.half_width
+    return out.ravel()
 
 
 @dataclass(frozen=True, eq=False)
 class Point(Iterate):
-    """A stationary point on a branch.
+    """A stationary point on a branch in a parameter, the half-width if nothing else is said.
 
     `steps` Newton steps found it, and `contraction` is the ratio of the second to the first (0 where one was
     enough), `correction` the size of the first.
@@ -83,11 +79,32 @@ class Point(Iterate):
     steps: int = 0
     contraction: float = 0.0
     correction: float = 0.0
+    parameter: str = HALF_WIDTH
 
     @property
-    def half_width(self) -> float:
-        """The half-width b."""
-        return self.problem.band.half_width
+    def value(self) -> float:
+        """The parameter's value."""
+        return self.problem.band.parameter(self.parameter)
+
+    @property
+    def symbol(self) -> str:
+        """The parameter's name in sentences."""
+        return PARAMETERS[self.parameter].symbol
+
+    @property
+    def weight(self) -> float:
+        """The weight of the parameter in the metric of arclength."""
+        return PARAMETERS[self.parameter].weight(self.problem.band.length) ** 2
+
+    def product(self, one: Tangent, other: Tangent) -> float:
+        """The scalar product of two directions; multipliers have no weight."""
+        shapes = float(one.x @ (shape_weights(self.problem.band) * other.x))
+        return shapes + self.weight * one.value * other.value
+
+    @cached_property
+    def rates(self) -> Rates:
+        """Derivatives by the parameter."""
+        return rates(self.problem, self.x, self.multipliers, self.local.gradient, self.parameter)
 
     @cached_property
     def matrix(self) -> KKTMatrix:
@@ -107,7 +124,7 @@ class Point(Iterate):
 
     @cached_property
     def unsettled(self) -> float:
-        """Change in the next Newton step at this b, infinite where there is none."""
+        """Change in the next Newton step at this parameter, infinite where there is none."""
         try:
             step, _ = newton_step(self.problem, self.local, self.multipliers, Factor(self.matrix))
         except FactorisationError:
@@ -139,15 +156,16 @@ class Point(Iterate):
         return self.ended(status, negative, steps=self.steps, detail=detail)
 
 
-def point_at(problem: Problem, x: Array, multipliers: Array) -> Point:
-    """Evaluate a place x (7N,) with multipliers (5N+3,), stationary or not."""
-    here = iterate_at(problem, x, multipliers)
-    return Point(problem, x, multipliers, here.local, here.kkt_residual, here.constraint_residual)
+def point_at(problem: Problem, x: Array, multipliers: Array, parameter: str = HALF_WIDTH) -> Point:
+    """Evaluate a place x (7N,) with multipliers (5N+3,), stationary or not; held components are imposed."""
+    here = iterate_at(problem, problem.impose(x), multipliers)
+    residuals = (here.kkt_residual, here.constraint_residual)
+    return Point(problem, here.x, multipliers, here.local, *residuals, parameter=parameter)
 
 
-def point_of(state: State, multipliers: Array) -> Point:
+def point_of(state: State, multipliers: Array, parameter: str = HALF_WIDTH) -> Point:
     """The point of a state with its multipliers (5N+3,)."""
-    return point_at(Problem(state.band), state.vector(), multipliers)
+    return point_at(Problem(state.band), state.vector(), multipliers, parameter)
 
 
 def nearest(state: State, guard: Guard | None = None) -> Result:
@@ -159,7 +177,8 @@ def nearest(state: State, guard: Guard | None = None) -> Result:
     multipliers = np.zeros(problem.rows)
     try:
         multipliers = estimate_multipliers(problem, x)
-        return correct_at((x, multipliers, state.band.half_width), state.band, guard).result()
+        here = point_at(problem, x, multipliers)
+        return correct_at(here, (x, multipliers, here.value), guard).result()
     except (CorrectorError, FactorisationError) as error:
         detail = f"(No stationary point is next to the state: {error}.)"
         return iterate_at(problem, x, multipliers).ended(Status.STALLED, None, steps=0, detail=detail)
@@ -173,34 +192,34 @@ def tangent_from(point: Point, near: Tangent) -> Tangent:
 
     Raises FactorisationError where there is no single tangent, at a bifurcation.
     """
-    inner, outer = weights(point.problem.band)
-    system = BorderedSystem(
-        point.problem, point.x, point.multipliers, point.local, inner * near.x, outer * near.half_width
-    )
+    inner = shape_weights(point.problem.band)
+    system = _bordered(point, inner * near.x, point.weight * near.value)
     found = Tangent(*system.solve(np.zeros(point.problem.size), np.zeros(point.problem.rows), 1.0))
-    return unit(point.problem.band, found)
+    return unit(point, found)
 
 
-def unit(band: Band, t: Tangent) -> Tangent:
+def _bordered(point: Point, covector: Array, weight: float) -> BorderedSystem:
+    return BorderedSystem(point.problem, point.x, point.local, point.rates, covector, weight)
+
+
+def unit(point: Point, t: Tangent) -> Tangent:
     """The direction with length one."""
-    size = math.sqrt(product(band, t, t))
-    return Tangent(t.x / size, t.multipliers / size, t.half_width / size)
+    size = math.sqrt(point.product(t, t))
+    return Tangent(t.x / size, t.multipliers / size, t.value / size)
 
 
 def initial_tangent(point: Point, sign: int) -> Tangent:
-    """The unit tangent at a point that is no fold, with b growing for `sign` = 1, falling for -1.
+    """The unit tangent at a point that is no fold, with p growing for `sign` = 1, falling for -1.
 
     Raises FactorisationError where the Hessian is singular.
     """
     problem = point.problem
-    gradient = gradient_by_width(problem, point.x, point.multipliers, point.local.gradient)
-    constraints = constraints_by_width(problem, point.x)
-    rhs = np.concatenate((-gradient, -constraints, np.zeros(point.matrix.gauge)))
+    rhs = np.concatenate((-point.rates.gradient, -point.rates.constraints, np.zeros(point.matrix.gauge)))
     z = Factor(point.matrix).solve(rhs)
     n = problem.size
-    first = unit(problem.band, Tangent(z[:n], -z[n : n + problem.rows], 1.0))
+    first = unit(point, Tangent(z[:n], -z[n : n + problem.rows], 1.0))
     if sign < 0:
-        first = Tangent(-first.x, -first.multipliers, -first.half_width)
+        first = Tangent(-first.x, -first.multipliers, -first.value)
     return tangent_from(point, first)
 
 
@@ -208,11 +227,11 @@ def initial_tangent(point: Point, sign: int) -> Tangent:
 
 
 def along(point: Point, t: Tangent, length: float) -> Place:
-    """x, multipliers and b at a length along a direction from a point."""
+    """x, multipliers and p at a length along a direction from a point."""
     return (
         point.x + length * t.x,
         point.multipliers + length * t.multipliers,
-        point.half_width + length * t.half_width,
+        point.value + length * t.value,
     )
 
 
@@ -223,43 +242,41 @@ def correct(
     guess: Place,
     guard: Guard | None = None,
 ) -> Point:
-    """The point of the branch with <t, z - base> = length near a guess (x, multipliers, b).
+    """The point of the branch with <t, z - base> = length near a guess (x, multipliers, p).
 
     Raises CorrectorError where Newton's method does not contract to one, or where the point is no band
     (an inverted facet, or what `guard` refuses).
     """
-    inner, outer = weights(base.problem.band)
-    covector, weight = inner * t.x, outer * t.half_width
-    level = float(covector @ base.x) + weight * base.half_width + length
+    covector, weight = shape_weights(base.problem.band) * t.x, base.weight * t.value
+    level = float(covector @ base.x) + weight * base.value + length
 
     def step(point: Point) -> Place:
-        system = BorderedSystem(point.problem, point.x, point.multipliers, point.local, covector, weight)
-        gradient = lagrangian_gradient(point.problem, point.local, point.multipliers)
-        missing = level - float(covector @ point.x) - weight * point.half_width
+        system = _bordered(point, covector, weight)
+        gradient = point.problem.lagrangian_gradient(point.local, point.multipliers)
+        missing = level - float(covector @ point.x) - weight * point.value
         return system.solve(-gradient, -point.local.constraints, missing)
 
-    return _newton(base.problem.band, guess, step, guard)
+    return _newton(base, guess, step, guard)
 
 
-def correct_at(guess: Place, band: Band, guard: Guard | None = None) -> Point:
-    """The point of the branch at exactly the guess's half-width. Raises as `correct`."""
+def correct_at(near: Point, guess: Place, guard: Guard | None = None) -> Point:
+    """The point of the branch of a point near it at exactly the guess's parameter. Raises as `correct`."""
 
     def step(point: Point) -> Place:
         p, new = newton_step(point.problem, point.local, point.multipliers, Factor(point.matrix))
         return p, new - point.multipliers, 0.0
 
-    return _newton(band, guess, step, guard)
+    return _newton(near, guess, step, guard)
 
 
-def _newton(band: Band, guess: Place, step: Callable[[Point], Place], guard: Guard | None) -> Point:
-    x, multipliers, width = guess
+def _newton(base: Point, guess: Place, step: Callable[[Point], Place], guard: Guard | None) -> Point:
+    """Newton's method from a guess, for the band and the parameter of a point."""
+    x, multipliers, value = guess
     sizes: list[float] = []
     best: Point | None = None
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         while True:
-            if not 0.0 < width < math.inf:
-                raise CorrectorError(f"it leads to a half-width of {width:.6g}")
-            point = point_at(Problem(band.with_half_width(width)), x, multipliers)
+            point = moved(base, x, multipliers, value)
             if not np.isfinite(point.worst):
                 raise CorrectorError("derivatives are not finite")
             if best is not None and best.worst <= TOLERANCE and point.worst > 0.5 * best.worst:
@@ -273,12 +290,12 @@ def _newton(band: Band, guess: Place, step: Callable[[Point], Place], guard: Gua
                     break
                 raise CorrectorError(f"Newton's method has not converged in {MOST_CORRECTIONS} steps")
             try:
-                p, change_of_multipliers, wider = step(point)
+                p, change_of_multipliers, more = step(point)
             except FactorisationError as error:
                 raise CorrectorError(str(error)) from error
             sizes.append(change(x, p))
             _check_contraction(sizes)
-            x, multipliers, width = x + p, multipliers + change_of_multipliers, width + wider
+            x, multipliers, value = x + p, multipliers + change_of_multipliers, value + more
     if (inverted_facets(best.problem, best.x) <= 0).any():
         raise CorrectorError("a facet turns inside out")
     complaint = None if guard is None else guard(best.state)
@@ -286,6 +303,14 @@ def _newton(band: Band, guess: Place, step: Callable[[Point], Place], guard: Gua
         raise CorrectorError(f"the band would pass through itself {complaint}")
     ratio = sizes[1] / sizes[0] if len(sizes) > 1 and sizes[0] > ROUNDOFF_STEP else 0.0
     return replace(best, steps=len(sizes), contraction=ratio, correction=sizes[0])
+
+
+def moved(base: Point, x: Array, multipliers: Array, value: float) -> Point:
+    """A place at another value of a point's parameter. Raises CorrectorError for one that is none."""
+    if not math.isfinite(value) or (base.parameter == HALF_WIDTH and value <= 0.0):
+        raise CorrectorError(f"it leads to a {base.parameter.replace('_', '-')} of {value:.6g}")
+    problem = Problem(base.problem.band.with_parameter(base.parameter, value))
+    return point_at(problem, x, multipliers, base.parameter)
 
 
 def _check_contraction(sizes: list[float]) -> None:

@@ -1,9 +1,9 @@
-"""The KKT system with the half-width as an unknown and one more row: regular at folds.
+"""The KKT system with a parameter as an unknown and one more row: regular at folds.
 
 Pseudo-arclength continuation (H. B. Keller 1977) solves
 
-    [ K   r ] [ z  ]   [ rhs ]        z = (p, -dlambda, gauge),  r = d(residual)/db,
-    [ a'  d ] [ db ] = [ s   ]        a = M t on the unknowns x, d = m t_b,
+    [ K   r ] [ z  ]   [ rhs ]        z = (p, -dlambda, gauge),  r = d(residual)/dv,
+    [ a'  d ] [ dv ] = [ s   ]        a = M t on the unknowns x, d = m t_v,
 
 where K is singular at a fold and the whole is not. Two eliminations are at hand. The first borders K
 symmetrically, [[K, a], [a', 0]], which is regular at a fold since the tangent t is K's null vector there:
@@ -21,7 +21,7 @@ import numpy as np
 
 from ..model.band import Array
 from ..model.problem import LocalDerivatives, Problem
-from ..model.width import constraints_by_width, gradient_by_width
+from ..model.rates import Rates
 from .kkt import FactorisationError, KKTMatrix
 from .linear import Factor
 
@@ -45,17 +45,16 @@ class BorderedSystem:
         self,
         problem: Problem,
         x: Array,
-        multipliers: Array,
         local: LocalDerivatives,
+        by_parameter: Rates,
         covector: Array,
         weight: float,
     ) -> None:
         self.problem, self.local = problem, local
         self.rotations = problem.rotations(x)
-        gradient = gradient_by_width(problem, x, multipliers, local.gradient)
-        constraints = constraints_by_width(problem, x)
         length = float(np.linalg.norm(covector))
-        # A band may keep its shape while b grows, as the ring does: a is roundoff, and no border for K.
+        # A band may keep its shape while the parameter grows, as the ring does: a is roundoff, and no
+        # border for K.
         flat = length <= NEGLIGIBLE * abs(weight)
         self._eliminations = (self._by_plain,) if flat else (self._by_bordered, self._by_plain)
         self._length = abs(weight) if flat else length
@@ -65,8 +64,8 @@ class BorderedSystem:
         self._bordered = KKTMatrix(problem, local, np.hstack((self.rotations, unit)))
         self._column = np.concatenate(
             (
-                gradient,
-                constraints,
+                by_parameter.gradient,
+                by_parameter.constraints,
                 np.zeros(self.rotations.shape[1]),
                 [weight / self._length],
             )
@@ -76,7 +75,7 @@ class BorderedSystem:
         self._responses: dict[str, Array] = {}
 
     def solve(self, gradient: Array, constraints: Array, level: float) -> tuple[Array, Array, float]:
-        """Step p (7N,), change of the multipliers (5N+3,) and of b for right-hand sides (7N,), (5N+3,) and s.
+        """Step p (7N,), change of the multipliers (5N+3,) and of v for right-hand sides (7N,), (5N+3,) and s.
 
         Raises FactorisationError if neither elimination is accurate.
         """

@@ -19,10 +19,9 @@ from .arclength import (
     Tangent,
     along,
     correct,
-    product,
     tangent_from,
 )
-from .branch_events import Event, Segment, events_of
+from .branch_events import VALUE, WIDTH, Event, Segment, events_of
 from .newton import Guard
 
 LARGEST_TURN = 0.45
@@ -69,14 +68,14 @@ STOPS = (Reason.FOLD, Reason.STABILITY_LOST, Reason.CONTACT)
 class BranchOptions:
     """What a branch is followed for.
 
-    It ends where b leaves [low, high], at the first event of the kinds in `stop_at`. `widths` are met
-    exactly. `first_step`, `least_step` and `largest_step` are lengths along the branch. `guard` as in a
-    solve.
+    It ends where the parameter leaves [low, high], at the first event of the kinds in `stop_at`. `values` of
+    it are met exactly. `first_step`, `least_step` and `largest_step` are lengths along the branch. `guard` as
+    in a solve.
     """
 
     low: float
     high: float
-    widths: tuple[float, ...] = ()
+    values: tuple[float, ...] = ()
     stop_at: frozenset[Reason] = frozenset()
     first_step: float = 0.01
     least_step: float = 1e-6
@@ -86,10 +85,10 @@ class BranchOptions:
 
 @dataclass(frozen=True)
 class End:
-    """Where and why a branch ends."""
+    """Where (by the parameter's value) and why a branch ends."""
 
     reason: Reason
-    half_width: float
+    value: float
     detail: str = ""
 
 
@@ -116,12 +115,13 @@ def advance(base: Point, tangent: Tangent, length: float, options: BranchOptions
     while True:
         try:
             segment = _attempt(base, tangent, length, options.guard)
-            found = events_of(segment, (*options.widths, options.low, options.high))
+            found = events_of(segment, (*options.values, options.low, options.high))
             break
         except ArithmeticError as error:  # those of corrector, factorisation, location, and division by zero
-            refused.append(happening("step-refused", length=length, start=base.half_width, why=error))
+            start = {"symbol": base.symbol, "start": base.value}
+            refused.append(happening("step-refused", length=length, **start, why=error))
             if length <= options.least_step:
-                stuck = End(Reason.STEP_TOO_SMALL, base.half_width, str(error))
+                stuck = End(Reason.STEP_TOO_SMALL, base.value, str(error))
                 return Advance((), None, None, 0.0, 0.0, tuple(refused), stuck)
             length = max(SHRINK * length, options.least_step)
     events, end = _until_end(found, options)
@@ -139,19 +139,19 @@ def _attempt(base: Point, tangent: Tangent, length: float, guard: Guard | None) 
     turn = _turn(segment)
     if not turn <= LARGEST_TURN:
         raise CorrectorError(f"the branch turns by {turn:.2g}")
-    rise = end.half_width - base.half_width
-    if tangent.half_width * there.half_width > 0.0 and rise * tangent.half_width < 0.0:
-        raise CorrectorError("b turns twice within it")
+    rise = end.value - base.value
+    if tangent.value * there.value > 0.0 and rise * tangent.value < 0.0:
+        raise CorrectorError(f"{base.symbol} turns twice within it")
     return segment
 
 
 def _turn(segment: Segment) -> float:
     """The largest angle between the tangents at the ends and the chord."""
-    band, base, end = segment.base.problem.band, segment.base, segment.end
-    chord = Tangent(end.x - base.x, end.multipliers - base.multipliers, end.half_width - base.half_width)
-    size = math.sqrt(product(band, chord, chord))
+    base, end = segment.base, segment.end
+    chord = Tangent(end.x - base.x, end.multipliers - base.multipliers, end.value - base.value)
+    size = math.sqrt(base.product(chord, chord))
     t, there = segment.tangent, segment.end_tangent
-    cosines = (product(band, t, there), product(band, t, chord) / size, product(band, there, chord) / size)
+    cosines = (base.product(t, there), base.product(t, chord) / size, base.product(there, chord) / size)
     return math.acos(max(-1.0, min(1.0, *cosines)))
 
 
@@ -176,17 +176,17 @@ def _until_end(found: tuple[Event, ...], options: BranchOptions) -> tuple[tuple[
         reason = reason_to_end(
             options,
             event.type,
-            event.point.half_width,
+            event.point.value,
             loses=event.loses_stability,
             begins=event.begins,
         )
         if reason is not None:
-            return found[: k + 1], End(reason, event.point.half_width)
+            return found[: k + 1], End(reason, event.point.value)
     return found, None
 
 
 def reason_to_end(
-    options: BranchOptions, type: str, half_width: float, *, loses: bool, begins: bool
+    options: BranchOptions, type: str, value: float, *, loses: bool, begins: bool
 ) -> Reason | None:
     """Why a branch ends at an event of a type, if it does; whether it `loses` stability there, or contact
     `begins`.
@@ -198,6 +198,6 @@ def reason_to_end(
         return Reason.STABILITY_LOST
     if type == "contact" and begins and Reason.CONTACT in wanted:
         return Reason.CONTACT
-    if type == "width" and half_width in (options.low, options.high):
+    if type in (WIDTH, VALUE) and value in (options.low, options.high):
         return Reason.RANGE
     return None

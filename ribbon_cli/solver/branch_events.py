@@ -1,4 +1,4 @@
-"""What happens between two points of a branch: folds, changes of stability, contact, requested widths.
+"""What happens between two points of a branch: folds, changes of stability, contact, requested values.
 
 Everything is located on the branch itself: a place within a step is the point at which the branch meets the
 hyperplane <t, z - z_0> = s, 0 <= s <= ds, found by the corrector from an interpolation between the ends.
@@ -14,8 +14,7 @@ import numpy as np
 import scipy
 
 from ..model.band import Array
-from ..model.problem import Problem
-from ..model.width import constraints_by_width, gradient_by_width
+from ..parts import HALF_WIDTH
 from .arclength import (
     TOLERANCE,
     CorrectorError,
@@ -23,8 +22,7 @@ from .arclength import (
     Tangent,
     correct,
     correct_at,
-    point_at,
-    product,
+    moved,
     tangent_from,
     unit,
 )
@@ -48,17 +46,23 @@ TRANSVERSAL = 1e-5
 """Part of its terms below which v.r counts as zero; at folds it has been 1e-2, at bifurcations 1e-9."""
 
 
+WIDTH, VALUE = "width", "value"
+"""Types of events at a value of the parameter that was asked for."""
+
+
 class LocationError(ArithmeticError):
     """Something happened within a step that could not be located; the step is too long."""
 
 
 @dataclass(frozen=True, eq=False)
 class Event:
-    """A place on a branch: `type` is fold, branch-point, contact or width.
+    """A place on a branch: `type` is fold, branch-point, contact, or width (value, of other parameters than
+    the half-width).
 
     `position` is s within the step. At folds and branch points `before` and `after` are the indices on
     either side, and `mode` is the direction that is soft there (along the branch at a fold). `begins` tells
-    the first facets that touch from the last, `bracket` is how far b is from the other side of a contact.
+    the first facets that touch from the last, `bracket` is how far the parameter is from the other side of a
+    contact.
     """
 
     type: str
@@ -134,25 +138,24 @@ def _hermite(
     `length` is the difference of their positions, measured along the direction `along`.
     """
     (a, t), (b, e) = first, last
-    band = a.problem.band
     h0, h1 = (1.0 + 2.0 * w) * (1.0 - w) ** 2, w * w * (3.0 - 2.0 * w)
-    k0 = w * (1.0 - w) ** 2 * length / product(band, along, t)
-    k1 = w * w * (w - 1.0) * length / product(band, along, e)
+    k0 = w * (1.0 - w) ** 2 * length / a.product(along, t)
+    k1 = w * w * (w - 1.0) * length / a.product(along, e)
     return (
         h0 * a.x + h1 * b.x + k0 * t.x + k1 * e.x,
         h0 * a.multipliers + h1 * b.multipliers + k0 * t.multipliers + k1 * e.multipliers,
-        h0 * a.half_width + h1 * b.half_width + k0 * t.half_width + k1 * e.half_width,
+        h0 * a.value + h1 * b.value + k0 * t.value + k1 * e.value,
     )
 
 
-def events_of(segment: Segment, widths: Iterable[float]) -> tuple[Event, ...]:
+def events_of(segment: Segment, values: Iterable[float]) -> tuple[Event, ...]:
     """All events of a step in the order of the branch.
 
     Raises LocationError, CorrectorError, FactorisationError where the step is too long for that.
     """
     found: list[Event] = []
     bends = [0.0, segment.length]
-    if segment.tangent.half_width * segment.end_tangent.half_width < 0.0:
+    if segment.tangent.value * segment.end_tangent.value < 0.0:
         fold = _fold(segment)
         bends.insert(1, fold.position)
         before, after = segment.base.negative, segment.end.negative
@@ -163,7 +166,7 @@ def events_of(segment: Segment, widths: Iterable[float]) -> tuple[Event, ...]:
     else:
         found += _changes(segment, 0.0, segment.length)
     for low, high in pairwise(bends):
-        found += (_width(segment, b, low, high) for b in set(widths) if _crosses(segment, b, low, high))
+        found += (_value(segment, p, low, high) for p in set(values) if _crosses(segment, p, low, high))
     if segment.base.contact != segment.end.contact:
         found.append(_contact(segment))
     return tuple(sorted(found, key=lambda event: event.position))
@@ -174,22 +177,21 @@ def events_of(segment: Segment, widths: Iterable[float]) -> tuple[Event, ...]:
 
 def _fold(segment: Segment) -> Event:
     """Where db/ds = 0."""
-    s = _root(lambda s: segment.tangent_at(s).half_width, 0.0, segment.length, FOLD_ACCURACY * segment.length)
+    s = _root(lambda s: segment.tangent_at(s).value, 0.0, segment.length, FOLD_ACCURACY * segment.length)
     point, tangent = segment.at(s), segment.tangent_at(s)
     kind = "branch-point" if _crossed(point, tangent) else "fold"
     return Event(kind, point, tangent, s, mode=mode_of(point, tangent))
 
 
 def _crossed(point: Point, null: Tangent) -> bool:
-    """Whether another branch crosses where db/ds = 0: the derivative by b then has no part along the null
+    """Whether another branch crosses where dp/ds = 0: the derivative by p then has no part along the null
     vector.
 
     At a fold the null vector v of K (the tangent) has v.r != 0, with r the derivative of the residual by b.
     At the vertex of a pitchfork v.r = 0, and the branch that crosses goes on in b.
     """
-    problem = point.problem
-    gradient = gradient_by_width(problem, point.x, point.multipliers, point.local.gradient) * null.x
-    constraints = constraints_by_width(problem, point.x) * null.multipliers
+    gradient = point.rates.gradient * null.x
+    constraints = point.rates.constraints * null.multipliers
     size = float(np.abs(gradient).sum() + np.abs(constraints).sum())
     return abs(float(gradient.sum() - constraints.sum())) <= TRANSVERSAL * size
 
@@ -254,8 +256,7 @@ def _branch_point(segment: Segment, low: float, high: float, before: int, after:
         ends = [(segment.at(p), segment.tangent_at(p)) for p in (low, high)]
 
         def between(w: float) -> Point:
-            x, multipliers, width = _hermite(ends[0], ends[1], w, high - low, segment.tangent)
-            return point_at(Problem(segment.base.problem.band.with_half_width(width)), x, multipliers)
+            return moved(segment.base, *_hermite(ends[0], ends[1], w, high - low, segment.tangent))
 
         if soft_value(ends[0][0], c)[0] * soft_value(ends[1][0], c)[0] >= 0.0:
             return None
@@ -270,30 +271,32 @@ def _branch_point(segment: Segment, low: float, high: float, before: int, after:
     tangent = Tangent(
         (1.0 - w) * t.x + w * e.x,
         (1.0 - w) * t.multipliers + w * e.multipliers,
-        (1.0 - w) * t.half_width + w * e.half_width,
+        (1.0 - w) * t.value + w * e.value,
     )
     position = low + w * (high - low)
-    return Event("branch-point", point, unit(point.problem.band, tangent), position, before, after, mode)
+    return Event("branch-point", point, unit(point, tangent), position, before, after, mode)
 
 
-# --- widths and contact ---
+# --- values and contact ---
 
 
-def _crosses(segment: Segment, b: float, low: float, high: float) -> bool:
-    """Whether the branch reaches b after `low` and not after `high`, b being monotone between."""
-    first, last = segment.at(low).half_width, segment.at(high).half_width
-    return (first < b <= last or last <= b < first) and first != b
+def _crosses(segment: Segment, p: float, low: float, high: float) -> bool:
+    """Whether the branch reaches p after `low` and not after `high`, the parameter being monotone between."""
+    first, last = segment.at(low).value, segment.at(high).value
+    return (first < p <= last or last <= p < first) and first != p
 
 
-def _width(segment: Segment, b: float, low: float, high: float) -> Event:
-    """The point at exactly b."""
-    if segment.at(high).half_width == b:
+def _value(segment: Segment, p: float, low: float, high: float) -> Event:
+    """The point at exactly p."""
+    if segment.at(high).value == p:
         s = high
     else:
-        s = _root(lambda s: segment.at(s).half_width - b, low, high, WIDTH_ACCURACY * segment.length)
+        s = _root(lambda s: segment.at(s).value - p, low, high, WIDTH_ACCURACY * segment.length)
     near = segment.at(s)
-    point = correct_at((near.x, near.multipliers, b), near.problem.band)
-    return Event("width", point, tangent_from(point, segment.tangent), s)
+    point = correct_at(near, (near.x, near.multipliers, p))
+    return Event(
+        WIDTH if point.parameter == HALF_WIDTH else VALUE, point, tangent_from(point, segment.tangent), s
+    )
 
 
 def _contact(segment: Segment) -> Event:
@@ -302,7 +305,7 @@ def _contact(segment: Segment) -> Event:
     low, high = 0.0, segment.length
     near = CONTACT_ACCURACY * segment.base.problem.band.length
     for _ in range(MOST_BISECTIONS):
-        gap = abs(segment.at(high).half_width - segment.at(low).half_width)
+        gap = abs(segment.at(high).value - segment.at(low).value)
         if gap <= near and high - low <= CONTACT_ACCURACY:
             break
         middle = 0.5 * (low + high)
@@ -311,5 +314,5 @@ def _contact(segment: Segment) -> Event:
         else:
             low = middle
     s = high if begins else low
-    gap = abs(segment.at(high).half_width - segment.at(low).half_width)
+    gap = abs(segment.at(high).value - segment.at(low).value)
     return Event("contact", segment.at(s), segment.tangent_at(s), s, begins=begins, bracket=gap)

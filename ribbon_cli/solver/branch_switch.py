@@ -1,7 +1,7 @@
 """Onto the other branch at a simple bifurcation.
 
 Where the projected Hessian has a null vector v and the branch passes on, a second branch crosses it. Both
-tangents lie in the plane of the branch's own tangent t and (v, db = 0). The new branch is met on the
+tangents lie in the plane of the branch's own tangent t and (v, dp = 0). The new branch is met on the
 hyperplane at a small distance along that direction of the plane which is orthogonal to t (Keller's
 perpendicular method): at a pitchfork that is the new branch's tangent, elsewhere the corrector has further
 to go. One point is found on either side.
@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from .arclength import CorrectorError, Point, Tangent, along, correct, product, tangent_from, unit
+from .arclength import CorrectorError, Point, Tangent, along, correct, tangent_from, unit
 from .kkt import FactorisationError
 from .newton import Guard
 
@@ -38,14 +38,13 @@ def switch(base: Point, tangent: Tangent, mode: Tangent, side: int, guard: Guard
     `tangent` is the unit tangent of the known branch, `mode` the null vector. Raises CorrectorError where no
     other branch is found: its message says why.
     """
-    band = base.problem.band
-    part = product(band, tangent, mode)
+    part = base.product(tangent, mode)
     across = unit(
-        band,
+        base,
         Tangent(
             side * (mode.x - part * tangent.x),
             side * (mode.multipliers - part * tangent.multipliers),
-            side * (mode.half_width - part * tangent.half_width),
+            side * (mode.value - part * tangent.value),
         ),
     )
     trouble = ""
@@ -56,11 +55,9 @@ def switch(base: Point, tangent: Tangent, mode: Tangent, side: int, guard: Guard
         except (CorrectorError, FactorisationError) as error:
             trouble = str(error)
             continue
-        chord = Tangent(
-            point.x - base.x, point.multipliers - base.multipliers, point.half_width - base.half_width
-        )
-        far = math.sqrt(max(product(band, chord, chord) - distance**2, 0.0))
+        chord = Tangent(point.x - base.x, point.multipliers - base.multipliers, point.value - base.value)
+        far = math.sqrt(max(base.product(chord, chord) - distance**2, 0.0))
         if far <= SIDEWAYS * distance:
             return Switched(point, onward, distance)
         trouble = f"the point found lies {far:.2g} beside the direction looked along"
-    raise CorrectorError(f"no other branch was found at b = {base.half_width:.12g}: {trouble}")
+    raise CorrectorError(f"no other branch was found at {base.symbol} = {base.value:.12g}: {trouble}")

@@ -15,10 +15,11 @@ from ..facts import Event, event
 from ..model.band import Array, Band, State
 from ..model.folding import ClosureError
 from ..model.problem import Problem
+from ..parts import HALF_WIDTH
 from .newton import Options, solve
 from .prolongation import Phase, Start, clear_phase, phase_of, smooth, split
 from .status import STATIONARY, Result, SaddleMet, Status
-from .tracking import PARTS, follows, slid
+from .tracking import PARTS, Way, follows, slid
 
 TRACKING_STEPS = 60
 """Newton steps after which a step along a branch is given up and halved; good ones take 4 to 20."""
@@ -75,7 +76,7 @@ class _Trail:
         """From a saddle to a minimum: to the twin of the other grid phase, else along the way down."""
         band, other = saddle.state.band, _other(phase_of(saddle.state))
         met = {"index": saddle.negative, "energy": saddle.energy}
-        if saddle.negative == 1:
+        if saddle.negative == 1 and band.closed:
             try:
                 twin = self.solve(smooth(saddle.state, band.segments, other).state, None, leaving=False)
             except ClosureError:
@@ -114,14 +115,20 @@ def _other(phase: Phase) -> Phase:
 def to_width(
     state: State, multipliers: Array, half_width: float, options: Options, parts: int = PARTS
 ) -> Move:
-    """Natural continuation from a state (with its multipliers (5N+3,)) to another half-width.
+    """Natural continuation from a state to another half-width; see `to_band`."""
+    return to_band(state, multipliers, state.band.with_half_width(half_width), options, parts)
+
+
+def to_band(state: State, multipliers: Array, band: Band, options: Options, parts: int = PARTS) -> Move:
+    """Natural continuation from a state (with its multipliers (5N+3,)) to other parameters, those of a band.
 
     A stationary point that the state's branch does not lead to, as there is behind a fold, has status
     `LEFT_BRANCH`; a step in doubt is halved `parts` times to find out.
     """
-    trail, method = _Trail(options), "continuation in width"
-    wider = State(state.band.with_half_width(half_width), state.u, state.g, state.xi)
-    result = trail.solve(wider, multipliers, leaving=False)
+    trail = _Trail(options)
+    names = (name for name, _ in Way.between(state.band, band).rates)
+    method = "continuation in " + ", ".join("width" if name == HALF_WIDTH else name for name in names)
+    result = trail.solve(state.on(band), multipliers, leaving=False)
     if result.status not in STATIONARY:
         return trail.move(result, method)
     ends = (state, multipliers), (result.state, result.multipliers)
@@ -149,7 +156,9 @@ def to_segments(state: State, segments: int, options: Options, *, splitting: boo
     ends: list[tuple[Result, str]] = []
     if not splitting:
         here = phase_of(state)
-        starts = (partial(smooth, state, segments, phase) for phase in (here, _other(here)))
+        # Between ends nothing slides, and there is one way to sample the shape.
+        phases = (here, _other(here)) if state.band.closed else (here,)
+        starts = (partial(smooth, state, segments, phase) for phase in phases)
         for start in starts:
             end = _attempt(trail, start)
             if end is not None and end[0].certified:

@@ -176,7 +176,8 @@ class BlockReduction:
             b = b[level.kept]
         vectors, inverse = self._last
         rest = vectors @ (inverse[:, None] * (vectors.T @ np.concatenate((b.reshape(-1, count), edge))))
-        x, edge = rest[: rest.shape[0] - self._width].reshape(-1, BLOCK, count), rest[-self._width :]
+        inside = rest.shape[0] - self._width
+        x, edge = rest[:inside].reshape(-1, BLOCK, count), rest[inside:]
         for level, y in zip(reversed(self._levels), reversed(stack), strict=True):
             full = np.empty((level.gone.size + level.kept.size, BLOCK, count))
             full[level.kept] = x

@@ -19,16 +19,16 @@ from numpy.typing import NDArray
 from ..model.band import Array, Band
 from ..model.constraints import PER_NODE
 from ..model.problem import (
-    CLOSURE,
-    HESSIAN_COLUMNS,
-    HESSIAN_ROWS,
+    END_ROW,
     JACOBIAN_COLUMNS,
     JACOBIAN_ROWS,
+    Layout,
     LocalDerivatives,
     Problem,
+    hessian_places,
 )
 from ..model.sparsity import Scatter
-from ..model.stencil import stencil
+from ..model.stencil import Seam, indices
 
 BLOCK = 7 + PER_NODE
 
@@ -55,17 +55,17 @@ class Pattern:
 
 
 @lru_cache(maxsize=64)
-def _pattern(segments: int, open_seam: bool, rotations: int) -> Pattern:
+def _pattern(layout: Layout, rotations: int) -> Pattern:
     """Build the pattern, in the order of entries of `KKTMatrix`."""
-    n, size = segments, 7 * segments
-    index = stencil(Band(n, 1.0), open_seam=open_seam).index
-    index = np.minimum(index, size - 1)  # the open seam's extra slots carry zeros only
-    one, other = index[HESSIAN_ROWS], index[HESSIAN_COLUMNS]
-    jac_columns = size + PER_NODE * np.arange(n) + JACOBIAN_ROWS[:, None]
-    tangents = (7 * np.arange(n)[:, None] + np.arange(3)).ravel()
-    close_columns = size + PER_NODE * n + np.tile(np.arange(CLOSURE), n)
+    n, size, closing = layout.segments, 7 * layout.segments, layout.seam.closing
+    index = indices(n, layout.seam)[1]  # what is not an unknown carries zeros only
+    places = hessian_places(layout.couplings)
+    one, other = index[places[0]], index[places[1]]
+    jac_columns = size + layout.row_places()[JACOBIAN_ROWS]
+    tangents = (7 * np.arange(n)[:, None] + np.arange(closing)).ravel()
+    close_columns = size + PER_NODE * n + np.tile(np.arange(closing), n)
     moving = (7 * np.arange(n)[:, None] + np.arange(6)).ravel()
-    first_gauge = size + PER_NODE * n + CLOSURE
+    first_gauge = size + layout.rows
     total = first_gauge + rotations
     gauge_columns = first_gauge + np.repeat(np.arange(rotations), moving.size)
     every = np.arange(total)
@@ -103,14 +103,14 @@ def _filled(like: scipy.sparse.spmatrix, data: Array) -> scipy.sparse.spmatrix:
 
 
 @lru_cache(maxsize=16)
-def _scales(band: Band, pattern: Pattern, rotations: int) -> tuple[Array, Array]:
+def _scales(band: Band, seam: Seam, pattern: Pattern, rotations: int) -> tuple[Array, Array]:
     """The scaling of rows and columns, and its effect on the entries of the upper triangle."""
-    scale = scaling(band, rotations)
+    scale = scaling(band, seam, rotations)
     columns = np.repeat(np.arange(scale.size), np.diff(pattern.upper.indptr))
     return scale, scale[pattern.upper.indices] * scale[columns]
 
 
-def scaling(band: Band, rotations: int) -> Array:
+def scaling(band: Band, seam: Seam, rotations: int) -> Array:
     """Symmetric scaling s (7N+5N+3+r,) that makes the entries of diag(s) K diag(s) of order one.
 
     From the sizes of the blocks: W_uu ~ b/h; weighted constraint rows ~ h, h, 1, 1, b; W_xixi ~ b h,
@@ -121,8 +121,10 @@ def scaling(band: Band, rotations: int) -> Array:
     x = np.full((n, 7), sx)
     x[:, 6] = 1.0 / sx
     rows = np.tile(np.array([1.0 / h, 1.0 / h, 1.0, 1.0, 1.0 / b]) / sx, n)
+    if seam is Seam.HELD:
+        rows[END_ROW] = 1.0 / sx
     return np.concatenate(
-        (x.ravel(), rows, np.full(CLOSURE, 1.0 / (h * sx)), np.full(rotations, np.sqrt(n) / sx))
+        (x.ravel(), rows, np.full(seam.closing, 1.0 / (h * sx)), np.full(rotations, np.sqrt(n) / sx))
     )
 
 
@@ -155,14 +157,15 @@ class KKTMatrix:
         self.gauge = rotations.shape[1]
         self.border = problem.rows + self.gauge
         self.fixed = problem.fixed
-        self.pattern = _pattern(n, problem.prescription.seam is not None, self.gauge)
-        self.scale, entry_scale = _scales(problem.band, self.pattern, self.gauge)
+        seam = problem.stencil.seam
+        self.pattern = _pattern(problem.layout, self.gauge)
+        self.scale, entry_scale = _scales(problem.band, seam, self.pattern, self.gauge)
         self.metric = self.scale[: self.size] ** 2
         values = np.concatenate(
             (
                 local.hessian_entries(),
                 local.jacobian_entries(),
-                np.full(CLOSURE * n, problem.band.h),
+                np.full(problem.closing * n, problem.band.h),
                 rotations.reshape(n, 7, self.gauge)[:, :6].reshape(6 * n, self.gauge).T.ravel(),
                 np.zeros(self.size + self.border),
             )

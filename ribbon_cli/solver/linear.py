@@ -164,7 +164,10 @@ class Factor:
         return scale * self._solve_scaled(scale * rhs, True, BACKWARD_RESIDUAL)
 
     def solve_roughly(self, rhs: Array) -> Array:
-        """Solve for rhs (n+m+r,) with regularised factors as they are, unrefined; no pivot may be zero."""
+        """Solve for rhs (n+m+r,) with regularised factors as they are, unrefined; in full where a pivot is
+        zero."""
+        if not self._found:
+            return self.solve_backward(rhs)
         scale = self.matrix.scale
         return scale * self._inverse(scale * rhs)
 

@@ -17,7 +17,7 @@ from ..model.problem import LocalDerivatives, Problem
 from .inertia import inertia
 from .kkt import FactorisationError, KKTMatrix
 from .linear import RESIDUAL_LIMIT, Factor
-from .saddle_free import Direction, direction, lagrangian_gradient, newton_step
+from .saddle_free import Direction, direction, newton_step
 from .status import Iterate, Result, SaddleMet, Status
 
 Guard = Callable[[State], str | None]
@@ -64,7 +64,7 @@ def iterate_at(problem: Problem, x: Array, multipliers: Array | None) -> Iterate
     local = problem.local_derivatives(x, multipliers)
     if multipliers is None:
         multipliers = np.zeros(problem.rows)
-    kkt = float(np.abs(lagrangian_gradient(problem, local, multipliers)).max())
+    kkt = float(np.abs(problem.lagrangian_gradient(local, multipliers)).max())
     constraint = float(np.abs(local.constraints / problem.weights).max())
     return Iterate(problem, x, multipliers, local, kkt, constraint)
 
@@ -91,7 +91,7 @@ def _estimate(problem: Problem, local: LocalDerivatives, normal: Factor) -> Arra
 def inverted_facets(problem: Problem, x: Array) -> Array:
     """(u_i x g_i).(u_i x g_{i+1}) (N,): positive where a facet keeps its side."""
     y = x.reshape(-1, 7)
-    u, g, following = y[:, :3], y[:, 3:6], problem.next_rulings(x)
+    u, g, following = y[:, :3], problem.rulings(x), problem.next_rulings(x)
     # Lagrange's identity: (u x g).(u x g') = (u.u)(g.g') - (u.g)(u.g')
     uu, gg = np.einsum("ij,ij->i", u, u), np.einsum("ij,ij->i", g, following)
     out: Array = uu * gg - np.einsum("ij,ij->i", u, g) * np.einsum("ij,ij->i", u, following)

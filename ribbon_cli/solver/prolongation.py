@@ -8,14 +8,17 @@ section 3.1, halves facets and makes a kinked start that costs many more steps.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy
 
-from ..model import folding
+from ..model import folding, strip_folding
 from ..model.band import Array, Band, State
+from ..model.folding import Folding
 from ..model.splines import seam_spline
 
 if TYPE_CHECKING:
@@ -87,6 +90,8 @@ def smooth(state: State, segments: int, phase: Phase = Phase.FACET) -> Start:
 
     Raises ClosureError where the interpolated rulings meet inside the strip or it cannot be closed.
     """
+    if not state.band.closed:
+        return smooth_strip(state, segments)
     old, new = state.band, state.band.with_segments(segments)
     length, sigma = old.length, old.sigma
     fold = folding.from_state(state)
@@ -95,14 +100,25 @@ def smooth(state: State, segments: int, phase: Phase = Phase.FACET) -> Start:
     nodes: Array = shift + new.h * np.arange(segments, dtype=np.float64)
     eta = _sampled_eta(state, fold.eta, new, nodes)
     theta = _sample(kappa, 0.0, sigma, length, nodes) * new.h * np.sqrt(1.0 + eta**2)
-    closed = folding.close(folding.Folding(theta, eta), sigma)
+    closed = folding.close(Folding(theta, eta), sigma)
     fine = _placed_like(state, folding.to_state(new, closed), shift)
     return Start(fine, f"smooth prolongation, inflection on a {phase.value}")
 
 
+def smooth_strip(state: State, segments: int) -> Start:
+    """The same for a strip with ends, between which nothing slides: its end is brought to its place again."""
+    old, new = state.band, state.band.with_segments(segments)
+    fold = strip_folding.from_state(state)
+    coarse, fine = (band.h * np.arange(band.segments + 1) for band in (old, new))
+    eta = _sampled_strip_eta(state, scipy.interpolate.CubicSpline(coarse, fold.eta)(fine), new)
+    kappa = scipy.interpolate.CubicSpline(coarse, strip_folding.curvature(fold, old))(fine)
+    folded = Folding(strip_folding.angles(kappa, eta, new, float(fold.theta[0])), eta)
+    return Start(strip_folding.to_state(new, strip_folding.hold(folded, new)), "smooth prolongation")
+
+
 def phase_of(state: State) -> Phase:
     """The grid phase of a state: whether its inflections lie nearer to nodes or to facets' middles."""
-    roots = inflections_of(state)
+    roots = inflections_of(state) if state.band.closed else np.empty(0)
     if roots.size == 0:
         return Phase.FACET
     return Phase.NODE if float(np.cos(2 * np.pi * roots / state.band.h).sum()) > 0 else Phase.FACET
@@ -110,7 +126,7 @@ def phase_of(state: State) -> Phase:
 
 def clear_phase(state: State) -> Phase | None:
     """The grid phase where all inflections sit alike on the grid and near a node or a facet's middle."""
-    roots = inflections_of(state)
+    roots = inflections_of(state) if state.band.closed else np.empty(0)
     if roots.size == 0:
         return None
     alike = np.cos(2 * np.pi * roots / state.band.h)
@@ -136,25 +152,52 @@ def _sampled_eta(state: State, eta: Array, fine: Band, nodes: Array) -> Array:
     old = state.band
     direct = _sample(eta, 0.0, old.sigma, old.length, nodes)
     following = np.append(direct[1:], old.sigma * direct[0])
-    slope = (following - direct) * (fine.half_width / fine.h)
+
+    def xi() -> Array:
+        return _sample(state.xi, 0.5 * old.h, old.sigma, old.length, nodes + 0.5 * fine.h)
+
+    rise = _capped_rise(state, following - direct, fine, xi)
+    if rise is None:
+        return direct
+    summed = np.concatenate(([0.0], np.cumsum(rise)[:-1]))
+    # With an antiperiodic eta the sum fixes the constant; a periodic one keeps its mean.
+    return summed + (direct[0] if old.sigma < 0 else float(np.mean(direct - summed)))
+
+
+def _sampled_strip_eta(state: State, direct: Array, fine: Band) -> Array:
+    """The same for a strip: eta (N+1,) on its new nodes, of which the first and the last keep theirs."""
+    old = state.band
+
+    def xi() -> Array:
+        facets = scipy.interpolate.CubicSpline(old.h * (np.arange(old.segments) + 0.5), state.xi)
+        return np.asarray(facets(fine.h * (np.arange(fine.segments) + 0.5)))
+
+    rise = _capped_rise(state, np.diff(direct), fine, xi)
+    return direct if rise is None else direct[0] + np.concatenate(([0.0], np.cumsum(rise)))
+
+
+def _capped_rise(state: State, direct: Array, fine: Band, xi: Callable[[], Array]) -> Array | None:
+    """Rises of eta (N,) over the new facets, their slopes capped; None if no cap was needed.
+
+    `direct` are those of the spline through eta, and `xi` samples the state's xi at the facets.
+    """
+    old = state.band
+    slope = direct * (fine.half_width / fine.h)
     gap = float(2.0 / (1.0 + np.exp(2.0 * np.abs(state.xi).max())))
     cap = 1.0 - gap * min(1.0, fine.h / old.h) ** STEEPENING
     steep = np.abs(slope) > cap
     if not steep.any():
-        return direct
+        return None
     if np.abs(slope).max() >= 1.0:
         # Rulings would cross: near the limit take xi's own spline, whose increments h tanh(xi) / b cannot.
-        xi = _sample(state.xi, 0.5 * old.h, old.sigma, old.length, nodes + 0.5 * fine.h)
         steep = np.abs(slope) > NEAR_LIMIT
-        capped = np.where(steep, np.tanh(xi), slope)
+        capped = np.where(steep, np.tanh(xi()), slope)
     else:
         capped = np.clip(slope, -cap, cap)
     slack = np.where(steep, 0.0, 1.0 - np.minimum(slope**2, 1.0))
     capped += (slope.sum() - capped.sum()) * slack / slack.sum()
-    rise = capped * (fine.h / fine.half_width)
-    summed = np.concatenate(([0.0], np.cumsum(rise)[:-1]))
-    # With an antiperiodic eta the sum fixes the constant; a periodic one keeps its mean.
-    return summed + (direct[0] if old.sigma < 0 else float(np.mean(direct - summed)))
+    out: Array = capped * (fine.h / fine.half_width)
+    return out
 
 
 def _placed_like(coarse: State, fine: State, shift: float) -> State:
@@ -176,4 +219,4 @@ def split(state: State) -> Start:
     new = state.band.with_segments(2 * state.band.segments)
     u = np.repeat(state.u, 2, axis=0)
     g = np.stack((state.g, 0.5 * (state.g + state.next_rulings())), axis=1).reshape(-1, 3)
-    return Start(State(new, u, g, np.repeat(state.xi, 2)), "facets split in two")
+    return Start(State(new, u, g, np.repeat(state.xi, 2), state.g_end), "facets split in two")

@@ -17,8 +17,7 @@ import numpy as np
 import scipy
 
 from ..model.band import Array
-from ..model.constraints import PER_NODE
-from ..model.problem import CLOSURE, LocalDerivatives, Problem
+from ..model.problem import LocalDerivatives, Problem
 from .inertia import inertia
 from .kkt import FactorisationError, KKTMatrix
 from .linear import RESIDUAL_LIMIT, Factor
@@ -208,16 +207,6 @@ def _lanczos(
     return None
 
 
-def lagrangian_gradient(problem: Problem, local: LocalDerivatives, multipliers: Array) -> Array:
-    """Gradient (7N,) of the Lagrangian (2.53) in x, by gathering local Jacobians."""
-    n = problem.band.segments
-    lam = multipliers[:-CLOSURE].reshape(n, PER_NODE).T
-    pulled = np.einsum("kji,ki->ji", local.jacobian, lam)
-    out = local.gradient - problem.gathered(pulled)
-    out.reshape(n, 7)[:, :3] -= problem.band.h * multipliers[-CLOSURE:]
-    return out
-
-
 def newton_step(
     problem: Problem,
     local: LocalDerivatives,
@@ -232,7 +221,7 @@ def newton_step(
     Raises FactorisationError if the system cannot be solved.
     """
     n = problem.size
-    gradient = lagrangian_gradient(problem, local, multipliers)
+    gradient = problem.lagrangian_gradient(local, multipliers)
     z = factor.solve(
         np.concatenate((-gradient, -local.constraints, np.zeros(factor.matrix.gauge))), limit=limit
     )

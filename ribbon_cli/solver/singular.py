@@ -16,10 +16,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..model.band import Array
-from .arclength import GOAL, Point, Tangent, point_at, weights
+from .arclength import GOAL, Point, Tangent, point_at, shape_weights
 from .kkt import FactorisationError, KKTMatrix
 from .linear import Factor
-from .saddle_free import lagrangian_gradient, start_vector
+from .saddle_free import start_vector
 from .spectra import SLIDING_OVERLAP, lowest_spectrum, sliding_overlap
 
 INVERSE_ITERATIONS = 12
@@ -45,7 +45,7 @@ class Mode:
 
 def soft_direction(point: Point) -> Array:
     """A covector c (7N,) on u and g along the eigenvector nearest to zero, by inverse iteration."""
-    inner = weights(point.problem.band)[0]
+    inner = shape_weights(point.problem.band)
     factor = Factor(point.matrix)
     n = point.problem.size
     rhs = np.zeros(point.matrix.size + point.matrix.border)
@@ -75,11 +75,11 @@ def settled(point: Point, c: Array) -> Point:
     for _ in range(SETTLING_STEPS):
         if point.worst <= GOAL:
             break
-        gradient = lagrangian_gradient(point.problem, point.local, point.multipliers)
+        gradient = point.problem.lagrangian_gradient(point.local, point.multipliers)
         z = _bordered_solution(point, c, -gradient, -point.local.constraints, 0.0)
         n = point.problem.size
         x, multipliers = point.x + z[:n], point.multipliers - z[n : n + point.problem.rows]
-        following = point_at(point.problem, x, multipliers)
+        following = point_at(point.problem, x, multipliers, point.parameter)
         if not following.worst < point.worst:
             break
         point = following
@@ -99,16 +99,16 @@ def _bordered_solution(point: Point, c: Array, gradient: Array, constraints: Arr
 
 def with_multipliers(point: Point, x: Array) -> Tangent:
     """The null vector at a singular point near x (7N,), multipliers included."""
-    inner = weights(point.problem.band)[0]
+    inner = shape_weights(point.problem.band)
     return mode_of(point, soft_value(point, inner * x)[1]).tangent
 
 
 def mode_of(point: Point, v: Tangent) -> Mode:
     """A direction as a mode: of length one, its largest component positive, with its overlap with sliding."""
-    inner = weights(point.problem.band)[0]
+    inner = shape_weights(point.problem.band)
     size = float(np.sqrt(v.x @ (inner * v.x)))
     size *= float(np.sign(v.x[np.argmax(np.abs(v.x))]))
-    tangent = Tangent(v.x / size, v.multipliers / size, v.half_width / size)
+    tangent = Tangent(v.x / size, v.multipliers / size, v.value / size)
     return Mode(tangent, sliding_overlap(point.problem, point.x, v.x))
 
 

@@ -41,7 +41,7 @@ class Spectrum:
     `values`, `residuals` in the dual metric (an eigenvalue lies that near), `bounds` with roundoff added,
     `sliding_overlap` and `hidden` (see `hidden_share`) are (k,); `labels` are one of rotation, sliding,
     checkerboard, mode; `vectors` (m, N, 7), m <= k, are the lowest modes, of unit length in the metric.
-    `complete` says that all 2N - 3 are there.
+    `complete` says that all are there, 2N - 3 of a closed band.
     """
 
     metric: str
@@ -56,7 +56,10 @@ class Spectrum:
 
 
 def sliding_tangent(problem: Problem, x: Array) -> Array:
-    """Tangent (7N,) of the shift along the band, by central differences with the seam's sign."""
+    """Tangent (7N,) of the shift along the band, by central differences with the seam's sign; zero between
+    ends."""
+    if not problem.band.closed:
+        return np.zeros(problem.size)
     y = x.reshape(-1, 7)
     sign = np.array([1.0, 1.0, 1.0, *[problem.band.sigma] * 4])
     ahead, behind = np.roll(y, -1, axis=0), np.roll(y, 1, axis=0)
@@ -103,7 +106,7 @@ def hidden_share(problem: Problem, vectors: Array) -> tuple[Array, Array]:
         return np.zeros(count), np.zeros(count)
     xi = vectors.reshape(problem.band.segments, 7, -1)[:, 6]
     before = np.roll(xi, 1, axis=0)
-    before[0] *= problem.band.sigma
+    before[0] = problem.band.sigma * before[0] if problem.band.closed else xi[0]
     seen, hidden = ((xi + before) ** 2).sum(axis=0), ((xi - before) ** 2).sum(axis=0)
     # Where a mode has no xi but roundoff, nothing is hidden.
     void = seen + hidden <= 1e-20 * (vectors**2).sum(axis=0)
@@ -170,7 +173,8 @@ def _assemble(
 def full_spectra(
     problem: Problem, x: Array, local: LocalDerivatives, metrics: tuple[str, ...], keep: int
 ) -> list[Spectrum]:
-    """All 2N - 3 eigenvalues in each metric by dense algebra, with the `keep` lowest modes.
+    """All eigenvalues, 2N - 3 of a closed band, in each metric by dense algebra, with the `keep` lowest
+    modes.
 
     Raises ValueError for an unknown metric, LinAlgError if the algebra fails.
     """

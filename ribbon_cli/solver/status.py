@@ -100,7 +100,7 @@ class Result:
         """Multipliers by name, normalised as in (1.58)."""
         from ..model.band import Multipliers
 
-        return Multipliers.from_vector(self.state.band.segments, self.multipliers)
+        return Multipliers.from_vector(self.state.band, self.multipliers)
 
 
 @dataclass(frozen=True, eq=False)

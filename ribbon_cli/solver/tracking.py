@@ -1,9 +1,10 @@
-"""Whether a step in width stayed on its branch.
+"""Whether a step in a parameter stayed on its branch.
 
-Newton's method converges to some stationary point at the new width; past a fold it can only be one of
-another branch. On a branch x(b) the slopes dx/db and dE/db are known at both ends, and the step must agree
-with them: to fourth order E_1 - E_0 is the corrected trapezoid db/2 (E'_0 + E'_1) + db^2/12 (E''_0 - E''_1),
-and to second x_1 - x_0 is db/2 (x'_0 + x'_1). Where it does not agree, points in between decide.
+Newton's method converges to some stationary point at the new value; past a fold it can only be one of
+another branch. On a branch x(p) the slopes dx/dp and dE/dp are known at both ends, and the step must agree
+with them: to fourth order E_1 - E_0 is the corrected trapezoid dp/2 (E'_0 + E'_1) + dp^2/12 (E''_0 - E''_1),
+and to second x_1 - x_0 is dp/2 (x'_0 + x'_1). Where a step moves several parameters at once, p is the way
+gone, from 0 to 1. Where it does not agree, points in between decide.
 """
 
 from __future__ import annotations
@@ -13,9 +14,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..model.band import Array, State
+from ..model.band import Array, Band, State
 from ..model.problem import Problem
-from ..model.width import constraints_by_width, energy_by_width, gradient_by_width
+from ..model.rates import Rates, end_rate, rates
+from ..parts import HALF_WIDTH
 from .kkt import FactorisationError, KKTMatrix
 from .linear import Factor
 from .newton import change
@@ -29,14 +31,54 @@ STATE_MISFIT = 0.1
 0.5, about 1 where a step fell off."""
 PARTS = 5
 """How often a doubtful step is halved to see whether its parts agree."""
+DIFFERENCE = 1e-4
+"""Part of a way in several parameters over which its second derivative is taken as a difference."""
+
+
+@dataclass(frozen=True)
+class Way:
+    """A straight way through the parameters: how fast each of them changes, by name.
+
+    One parameter is its own measure; of several the measure is the part of the way.
+    """
+
+    rates: tuple[tuple[str, float], ...]
+
+    @classmethod
+    def between(cls, a: Band, b: Band) -> Way:
+        """The way from one band's parameters to another's."""
+        apart = [(n, b.parameter(n) - v) for n, v in a.parameters.items() if b.parameter(n) != v]
+        return cls(((apart[0][0], 1.0),) if len(apart) == 1 else tuple(apart) or ((HALF_WIDTH, 1.0),))
+
+    def position(self, band: Band) -> float:
+        """Where a band is on the way, up to a constant."""
+        name, rate = self.rates[0]
+        value = band.parameter(name)
+        return value if len(self.rates) == 1 else value / rate
+
+    def middle(self, a: Band, b: Band) -> Band:
+        """The first band with the parameters half-way to the second's."""
+        out = a
+        for name, _ in self.rates:
+            out = out.with_parameter(name, 0.5 * (a.parameter(name) + b.parameter(name)))
+        return out
+
+    def ahead(self, band: Band, by: float) -> Band:
+        """The band with its parameters further along the way."""
+        for name, rate in self.rates:
+            band = band.with_parameter(name, band.parameter(name) + by * rate)
+        return band
+
+
+IN_WIDTH = Way(((HALF_WIDTH, 1.0),))
 
 
 @dataclass(frozen=True)
 class BranchPoint:
     """A stationary point with its slopes along the branch.
 
-    `slope` (7N,) and `multiplier_slope` (5N+3,) are dx/db and dlambda/db without rigid rotation; `rise` is
-    dE/db and `bend` d2E/db2.
+    `slope` (7N,) and `multiplier_slope` (5N+3,) are dx/dp and dlambda/dp without rigid rotation; `rise` is
+    dE/dp and `bend` d2E/dp2.
     """
 
     state: State
@@ -47,36 +89,52 @@ class BranchPoint:
     rise: float
     bend: float
     phase: Phase | None
+    way: Way = IN_WIDTH
 
     @classmethod
-    def at(cls, state: State, multipliers: Array) -> BranchPoint:
+    def at(cls, state: State, multipliers: Array, way: Way = IN_WIDTH) -> BranchPoint:
         """The slopes at a stationary point with multipliers (5N+3,).
 
-        They solve Newton's system (2.57) with the derivatives of its right-hand side with respect to b.
+        They solve Newton's system (2.57) with the derivatives of its right-hand side with respect to p.
         Raises FactorisationError where it is singular: at a fold.
         """
         problem, x = Problem(state.band), state.vector()
         local = problem.local_derivatives(x, multipliers)
         matrix = KKTMatrix(problem, local, problem.rotations(x))
-        force = gradient_by_width(problem, x, multipliers, local.gradient)
-        opening = constraints_by_width(problem, x)
-        z = Factor(matrix).solve(np.concatenate((-force, -opening, np.zeros(matrix.gauge))))
-        slope, change_of_multipliers = z[: problem.size], -z[problem.size : problem.size + problem.rows]
-        return cls(
-            state,
-            multipliers,
-            local.energy,
-            slope,
-            change_of_multipliers,
-            energy_by_width(problem, x, multipliers),
-            float(force @ slope - opening @ change_of_multipliers),  # L is linear in b
-            clear_phase(state),
+        along = _rates_along(problem, x, multipliers, local.gradient, way)
+        z = Factor(matrix).solve(
+            np.concatenate((-along.gradient, -along.constraints, np.zeros(matrix.gauge)))
         )
+        slope, change_of_multipliers = z[: problem.size], -z[problem.size : problem.size + problem.rows]
+        bend = float(along.gradient @ slope - along.constraints @ change_of_multipliers) + along.second
+        for name, rate in way.rates:
+            if not state.band.closed:
+                slope = slope + rate * end_rate(problem, name)
+        rise, phase = along.lagrangian, clear_phase(state)
+        return cls(state, multipliers, local.energy, slope, change_of_multipliers, rise, bend, phase, way)
 
-    @property
-    def half_width(self) -> float:
-        """The half-width b."""
-        return self.state.band.half_width
+
+def _rates_along(problem: Problem, x: Array, multipliers: Array, gradient: Array, way: Way) -> Rates:
+    """Derivatives along a way at x (7N,); `gradient` is the energy's."""
+    found = [rates(problem, x, multipliers, gradient, name) for name, _ in way.rates]
+    if len(found) == 1:
+        return found[0]
+    factors = [rate for _, rate in way.rates]
+
+    def rise(by: float) -> float:
+        moved = Problem(way.ahead(problem.band, by))
+        y = moved.impose(x)
+        each = (rates(moved, y, multipliers, moved.gradient(y), name).lagrangian for name, _ in way.rates)
+        return sum(rate * value for rate, value in zip(factors, each, strict=True))
+
+    # Of the second derivatives only those by one parameter are written out; this one judges steps, no more.
+    second = (rise(DIFFERENCE) - rise(-DIFFERENCE)) / (2.0 * DIFFERENCE)
+    return Rates(
+        sum(f * each.lagrangian for f, each in zip(factors, found, strict=True)),
+        np.sum([f * each.gradient for f, each in zip(factors, found, strict=True)], axis=0),
+        np.sum([f * each.constraints for f, each in zip(factors, found, strict=True)], axis=0),
+        second,
+    )
 
 
 def agree(a: BranchPoint, b: BranchPoint) -> bool:
@@ -85,15 +143,15 @@ def agree(a: BranchPoint, b: BranchPoint) -> bool:
     Where the inflections went from nodes to facets' middles or back, the shape slid by half a facet, which
     costs next to nothing: then only energies are compared.
     """
-    width = b.half_width - a.half_width
-    expected = width * (0.5 * (a.rise + b.rise) + width / 12.0 * (a.bend - b.bend))
-    scale = abs(width) * max(abs(a.rise), abs(b.rise))
+    step = a.way.position(b.state.band) - a.way.position(a.state.band)
+    expected = step * (0.5 * (a.rise + b.rise) + step / 12.0 * (a.bend - b.bend))
+    scale = abs(step) * max(abs(a.rise), abs(b.rise))
     if not abs(b.energy - a.energy - expected) <= ENERGY_MISFIT * scale:
         return False
     if slid(a.phase, b.phase):
         return True
     x = a.state.vector()
-    rest = b.state.vector() - x - 0.5 * width * (a.slope + b.slope)
+    rest = b.state.vector() - x - 0.5 * step * (a.slope + b.slope)
     return change(x, rest) <= STATE_MISFIT
 
 
@@ -107,14 +165,15 @@ Solver = Callable[[State, Array], tuple[State, Array] | None]
 
 
 def follows(start: tuple[State, Array], end: tuple[State, Array], solve: Solver, parts: int) -> bool:
-    """Whether a stationary point lies on the branch of another one, at another width.
+    """Whether a stationary point lies on the branch of another one, at other parameters.
 
     `start` and `end` are states with their multipliers (5N+3,). Where their slopes do not agree, the
-    branch is followed from `start` by `solve` to the width in the middle, and both halves are looked at,
+    branch is followed from `start` by `solve` to the middle of the way, and both halves are looked at,
     `parts` times.
     """
+    way = Way.between(start[0].band, end[0].band)
     try:
-        return _follows(BranchPoint.at(*start), BranchPoint.at(*end), solve, parts)
+        return _follows(BranchPoint.at(*start, way), BranchPoint.at(*end, way), solve, parts)
     except FactorisationError:
         return False
 
@@ -124,9 +183,9 @@ def _follows(a: BranchPoint, b: BranchPoint, solve: Solver, parts: int) -> bool:
         return True
     if parts == 0:
         return False
-    middle = a.state.band.with_half_width(0.5 * (a.half_width + b.half_width))
-    found = solve(State(middle, a.state.u, a.state.g, a.state.xi), a.multipliers)
+    middle = a.way.middle(a.state.band, b.state.band)
+    found = solve(a.state.on(middle), a.multipliers)
     if found is None:
         return False
-    point = BranchPoint.at(*found)
+    point = BranchPoint.at(*found, a.way)
     return _follows(a, point, solve, parts - 1) and _follows(point, b, solve, parts - 1)

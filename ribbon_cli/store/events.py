@@ -11,6 +11,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, TypeGuard
 
+from ribbon_cli.parts import HALF_WIDTH, PARAMETERS
 from ribbon_cli.store.summaries import Summary, are_texts, checked, is_label
 
 _SHA256 = re.compile(r"[0-9a-f]{64}")
@@ -91,6 +92,8 @@ class BranchEnd(Event):
     reason: str
     half_width: float
     message: str
+    parameter: str = HALF_WIDTH
+    value: float | None = None
 
 
 @dataclass(frozen=True)
@@ -175,7 +178,10 @@ def _ended(kind: str, time: str, document: dict[str, Any]) -> Ended:
 
 def _branch_end(kind: str, time: str, document: dict[str, Any]) -> BranchEnd:
     found = checked(document, _BRANCH_END, "is missing, or of another type")
-    return BranchEnd(kind, time, document, **found)
+    name, value = document.get("parameter", HALF_WIDTH), document.get("value")
+    if name not in PARAMETERS or not (value is None or type(value) in (int, float)):
+        raise ValueError("parameter or value is of another type")
+    return BranchEnd(kind, time, document, **found, parameter=name, value=value)
 
 
 def _given_up(kind: str, time: str, document: dict[str, Any]) -> GivenUp:

@@ -277,15 +277,15 @@ BRANCH = _items((
     ("/branch/name", "utf-8", "", "s", "",
      "branch of the run that the state is a point of"),
     ("/branch/type", "utf-8", "", "s", "",
-     "step, width (asked for), fold, branch-point or contact"),
+     "step, width or value (asked for), fold, branch-point or contact"),
     ("/branch/arclength", "float64", "", "s", "",
      "length of the branch from its start to the point"),
     ("/branch/half_width_rate", "float64", "", "s", "",
-     "derivative of b by the branch's length, zero at folds"),
+     "derivative of b, or of `parameter`, by the branch's length, zero at folds"),
     ("/branch/next_step", "float64", "", "", "",
      "length of the step to be tried from here"),
     ("/branch/tangent", "float64", "node unknown", "", "",
-     "the branch's unit tangent in (u, g, xi), with `half_width_rate` its component in b"),
+     "the branch's unit tangent in (u, g, xi), with `half_width_rate` its component in the parameter"),
     ("/branch/index_before", "int64", "", "os", "",
      "negative eigenvalues just before a fold or branch point; absent: another point, or unknown"),
     ("/branch/index_after", "int64", "", "os", "",
@@ -296,6 +296,8 @@ BRANCH = _items((
      "overlap with sliding, 0 to 1, of the mode that is soft at a fold or branch point, else of the lowest"),
     ("/branch/soft_mode", "float64", "node unknown", "o", "",
      "the mode in (u, g, xi) that is soft at a fold or branch point, of length one; absent elsewhere"),
+    ("/branch/parameter", "utf-8", "", "o", "",
+     "the parameter in which the branch is followed; absent: the half-width"),
 ))
 """Datasets of a point on a branch: all of those that are not optional, or none."""
 # fmt: on

@@ -66,16 +66,16 @@ class SpectrumRecord:
         object.__setattr__(self, "labels", tuple(str(label) for label in self.labels))
 
 
-POINT_TYPES = ("step", "width", "fold", "branch-point", "contact")
+POINT_TYPES = ("step", "width", "value", "fold", "branch-point", "contact")
 """Types of a point on a branch."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class BranchRecord:
-    """What a state is on its branch, a curve of stationary points with b as an unknown.
+    """What a state is on its branch, a curve of stationary points with b, or a `parameter`, as an unknown.
 
-    `tangent` (N, 7) in (u, g, xi) and `half_width_rate` make the unit tangent; lengths are those of
-    arclength continuation. layout.py explains `index_before`, `index_after`, `soft_mode` (N, 7) and
+    `tangent` (N, 7) in (u, g, xi) and `half_width_rate`, the parameter's, make the unit tangent; lengths are
+    those of arclength continuation. layout.py explains `index_before`, `index_after`, `soft_mode` (N, 7) and
     `sliding_overlap`. Raises ValueError for an unknown type.
     """
 
@@ -90,6 +90,7 @@ class BranchRecord:
     lowest_eigenvalue: float | None = None
     sliding_overlap: float | None = None
     soft_mode: Array | None = None
+    parameter: str | None = None
 
     def __post_init__(self) -> None:
         if self.type not in POINT_TYPES:

@@ -67,6 +67,11 @@ class BranchSummary:
     index_after: int | None
     lowest_eigenvalue: float | None
     sliding_overlap: float | None
+    parameter: str | None = None
+
+    def to_dict(self) -> dict[str, Any]:
+        """The fields for JSON; the parameter only where it is not the half-width."""
+        return {name: value for name, value in vars(self).items() if name != "parameter" or value is not None}
 
 
 @dataclass(frozen=True)
@@ -124,7 +129,8 @@ class Summary:
         branch = None
         if record.branch is not None:
             branch = BranchSummary(
-                **{item.field: _plain(record.branch, item) for item in BRANCH if item.summary}
+                **{item.field: _plain(record.branch, item) for item in BRANCH if item.summary},
+                parameter=record.branch.parameter,
             )
         values["parameters"] = {name: _finite(value) for name, value in record.parameters.items()}
         bending = record.energy if record.bending_energy is None else record.bending_energy
@@ -156,7 +162,10 @@ class Summary:
         if on_branch is not None:
             if values["parent"] is None:
                 raise ValueError(f"state {document['label']} is a point of a branch, and has no parent")
-            on_branch = BranchSummary(**checked(on_branch, _OF_BRANCH, of))
+            parameter = on_branch.get("parameter") if isinstance(on_branch, dict) else None
+            if parameter is not None and parameter not in PARAMETERS:
+                raise ValueError(f"the branch's parameter {of}")
+            on_branch = BranchSummary(**checked(on_branch, _OF_BRANCH, of), parameter=parameter)
         values["branch"] = on_branch
         summary = object.__new__(cls)
         summary.__dict__.update(values)  # as `cls(**values)` in a fifth of the time: a log has thousands
@@ -177,7 +186,7 @@ class Summary:
         document["events"] = list(self.events)
         document["event_kinds"] = list(self.event_kinds)
         if self.branch is not None:
-            document["branch"] = dict(vars(self.branch))
+            document["branch"] = self.branch.to_dict()
         document["content_sha256"] = self.content_sha256
         return document
 

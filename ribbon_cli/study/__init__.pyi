@@ -8,9 +8,11 @@ from .outcome import Target as Target
 from .plan import Plan as Plan
 from .plan import PlannedStage as PlannedStage
 from .plan import plan_of as plan_of
+from .progress import Event as Event
 from .progress import Progress as Progress
 from .refine import refine_state as refine_state
 from .removal import Removal as Removal
+from .removal import Request as Request
 from .removal import removal_of as removal_of
 from .removal import remove as remove
 from .solve import solve_config as solve_config

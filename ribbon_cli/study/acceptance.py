@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
@@ -9,16 +10,61 @@ from functools import lru_cache
 import numpy as np
 
 from ..model.band import State
-from ..model.topology import Linking, linking_number
+from ..model.ends import finish_frame, start_frame
+from ..model.topology import Linking, linking_number, strip_turn
+from ..parts import CLAMPED, FREE
 from ..recipes.eversion import not_everted
-from ..solver.newton import Options
+from ..solver.newton import Guard, Options
 from ..solver.status import STATIONARY, Result, Status
-from .progress import Progress
+from .progress import Progress, Step, silence
+
+MOST_TURN = 1.0
+"""Change of Tw + Wr of a strip, in turns, over one step, but for that of its twist: passing through makes
+2."""
 
 
-def options_for(half_twists: int, progress: Progress) -> Options:
+def turn_of(state: State) -> tuple[float, float]:
+    """Tw and Wr, in turns, of a strip with ends. Raises ValueError where they are not defined."""
+    ends = state.band.parts.ends
+    assert ends is not None
+    start, finish = start_frame(ends), finish_frame(ends)
+    before = (start.tangent, start.ruling) if ends.start == CLAMPED else None
+    after = (finish.tangent, finish.ruling) if ends.end == CLAMPED else None
+    return strip_turn(state.u, state.g, before, after, state.band.h)
+
+
+def strip_guard(start: State) -> Guard | None:
+    """What refuses a strip that passed through itself on the way from another one.
+
+    None at a free end, which may go round anything.
+    """
+    ends = start.band.parts.ends
+    assert ends is not None
+    if ends.end == FREE:
+        return None
+    try:
+        before = sum(turn_of(start))
+    except ValueError:
+        return None
+
+    def check(state: State) -> str | None:
+        twisted = state.band.parts.value("twist") - ends.twist
+        try:
+            change = sum(turn_of(state)) - before - twisted / math.tau
+        except ValueError:
+            return None
+        return f"(Tw + Wr changed by {change:.3g}.)" if abs(change) > MOST_TURN else None
+
+    return check
+
+
+def options_for(half_twists: int, progress: Progress = silence) -> Options:
     """Options of a solve with a closed seam: it must keep its linking number."""
-    return Options(guard=_linking_guard(half_twists), watch=progress.step)
+
+    def watch(iteration: int, energy: float, residual: float) -> None:
+        progress(Step(iteration, energy, residual))
+
+    return Options(guard=_linking_guard(half_twists), watch=watch)
 
 
 def _linking_guard(half_twists: int) -> Callable[[State], str | None]:
@@ -52,6 +98,8 @@ def checked(result: Result, half_twists: int, *, everted: bool = False) -> Resul
     if not converged(result):
         return result
     state = result.state
+    if not state.band.closed:  # each step was guarded from where it began
+        return result
     try:
         found = _linking_of(state)
     except ValueError as error:

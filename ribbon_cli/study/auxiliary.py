@@ -9,7 +9,7 @@ from ..facts import Event, event
 from ..model.band import Band
 from ..model.problem import Problem
 from ..recipes.recipe import Making, NotMadeError, Turn, Turning
-from ..solver.newton import Options, solve
+from ..solver.newton import solve
 from ..solver.status import Status
 from ..store import Summary
 from .failure import Failure
@@ -93,7 +93,7 @@ class Turner:
         state = self.turning.start if record is None else state_of(record)
         multipliers = None if record is None else multipliers_of(record)
         problem = Problem(state.band, turn.prescription)
-        options = Options(guard=turn.guard, watch=self.walk.progress.step)
+        options = replace(self.walk.options, guard=turn.guard)
         result = solve(problem, state.vector(), multipliers, options)
         if result.status is not Status.MINIMUM:
             return Failure("solve", result.status, result.detail, {"stage": turn.name}, STEPS)

@@ -8,7 +8,7 @@ that was interrupted is, and gives the same bytes.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -16,10 +16,12 @@ import numpy as np
 from ..config import Arclength
 from ..facts import Event as Happening
 from ..facts import event as happening
+from ..parts import HALF_WIDTH
 from ..solver.arclength import Point, Tangent, initial_tangent, point_of, tangent_from
 from ..solver.branch import Advance, BranchOptions, End, Reason, advance, reason_to_end
-from ..solver.branch_events import Event
+from ..solver.branch_events import VALUE, WIDTH, Event
 from ..solver.branch_switch import switch
+from ..solver.newton import Guard
 from ..solver.singular import lowest_mode, with_multipliers
 from ..store import BranchRecord, StateRecord, Summary
 from ..store.events import BRANCH_END
@@ -29,6 +31,7 @@ from .clock import Clock
 from .closed_branches import TURNING, repeated, turns
 from .failure import Failure
 from .outcome import Course
+from .progress import Step
 from .records import multipliers_of, state_of
 from .walk import Ended, Stage, Walk
 
@@ -39,18 +42,20 @@ SIDES = ((1, "+"), (-1, "-"))
 class _Place:
     """Where a branch stands: a stored state, with the length to try next and that travelled.
 
-    `sign` is the direction in b at a branch's start, 0 at a stored step, whose tangent is stored.
+    `sign` is the direction in the `parameter` at a branch's start, 0 at a stored step, whose tangent is
+    stored.
     """
 
     record: StateRecord
     next_step: float
     arclength: float
+    parameter: str
     sign: int = 0
 
     @cached_property
     def point(self) -> Point:
         """The state with its derivatives."""
-        return _point(self.record)
+        return _point(self.record, self.parameter)
 
     @cached_property
     def tangent(self) -> Tangent:
@@ -68,11 +73,13 @@ class Branches:
     def __init__(self, walk: Walk, request: Arclength, start: StateRecord) -> None:
         self.walk, self.journal = walk, walk.journal
         self.request, self.start = request, start
-        ends = [start.half_width, request.to, *([] if request.back_to is None else [request.back_to])]
+        self.name = request.parameter
+        self.value = start.parameters[self.name]
+        ends = [self.value, request.to, *([] if request.back_to is None else [request.back_to])]
         self.options = BranchOptions(
             low=min(ends),
             high=max(ends),
-            widths=request.at,
+            values=request.at,
             stop_at=frozenset(Reason(word) for word in request.stop_at),
             first_step=min(BranchOptions.first_step, request.max_step),
             largest_step=request.max_step,
@@ -82,10 +89,10 @@ class Branches:
 
     def follow(self, name: str) -> None:
         """Follow the branch towards `to`, then, if asked, the other way, then those that cross it."""
-        up = self.request.to > self.start.half_width
+        up = self.request.to > self.value
         for sign in (1, -1) if self.request.both else (1,):
             towards = "up" if up == (sign > 0) else "down"
-            place = _Place(self.start, self.options.first_step, 0.0, 1 if towards == "up" else -1)
+            place = _Place(self.start, self.options.first_step, 0.0, self.name, 1 if towards == "up" else -1)
             self._follow(f"{name} {towards}", self.start, place, [], 1, self.request.switch)
 
     def _follow(
@@ -102,7 +109,7 @@ class Branches:
                 place = following
                 met.append(place.record)
             step += 1
-        self._finish(name, start, met, end or End(Reason.STEPS, place.record.half_width))
+        self._finish(name, start, met, end or End(Reason.STEPS, self._at(place.record)))
         if depth > 0:
             for record in met:
                 if _can_be_left(record):
@@ -122,23 +129,23 @@ class Branches:
             if end is not None:
                 return None, known[: j + 1], end
         stored = self._finished(stage)
-        if whole and stored is not None and self.options.low <= stored.half_width <= self.options.high:
-            return _place(stored), known, None
+        if whole and stored is not None and self.options.low <= self._at(stored) <= self.options.high:
+            return _place(stored, self.name), known, None
         self.walk.begin(stage, base.half_width, base.segments)
         clock = self.journal.clock()
         try:
-            taken = advance(place.point, place.tangent, place.next_step, self.options)
+            taken = advance(place.point, place.tangent, place.next_step, self._options_from(place))
         except ArithmeticError as error:
-            return None, known, End(Reason.STEP_TOO_SMALL, base.half_width, f"no tangent here: {error}")
+            return None, known, End(Reason.STEP_TOO_SMALL, self._at(base), f"no tangent here: {error}")
         if taken.point is not None:
             found = taken.point
-            self.walk.progress.step(found.steps, found.energy, found.worst, found.half_width)
+            self.walk.progress(Step(found.steps, found.energy, found.worst, found.problem.band.half_width))
         self.walk.tell(stage, taken.refused)
         events: list[StateRecord] = []
         for found_on_it in _numbered(taken.events):
             met = self._store_event(stage, found_on_it, place, taken, clock)
             if isinstance(met, Failure):
-                return None, events, _broken(base, met)
+                return None, events, self._broken(base, met)
             events.append(met)
         if taken.point is None or taken.tangent is None:
             return None, events, taken.end
@@ -150,8 +157,8 @@ class Branches:
 
         record = self.walk.end_of(_stage(stage, point, "step", base), ended, clock)
         if isinstance(record, Failure):
-            return None, events, _broken(base, record)
-        return _place(self.journal.load(record)), events, None
+            return None, events, self._broken(base, record)
+        return _place(self.journal.load(record), self.name), events, None
 
     def _stored(self, stage: str) -> StateRecord:
         record = self._finished(stage)
@@ -225,7 +232,8 @@ class Branches:
             name=name,
             type=type,
             arclength=arclength,
-            half_width_rate=tangent.half_width,
+            half_width_rate=tangent.value,
+            parameter=None if self.name == HALF_WIDTH else self.name,
             next_step=next_step,
             tangent=tangent.x.reshape(segments, 7),
             index_before=before,
@@ -244,22 +252,25 @@ class Branches:
         reason = reason_to_end(
             self.options,
             branch.type,
-            record.half_width,
+            self._at(record),
             loses=branch.index_before == 0 and (branch.index_after or 0) > 0,
             begins=not base.self_contact,
         )
-        return None if reason is None else End(reason, record.half_width)
+        return None if reason is None else End(reason, self._at(record))
 
     def _finish(self, name: str, start: StateRecord, met: Sequence[StateRecord], end: End) -> None:
         """Keep the branch's course, and its end in the run's log."""
         points = tuple(course_point(Summary.of(record)) for record in met)
+        last = met[-1] if met else start
         course = Course(
             name,
             start.label,
             points,
             end.reason.value,
-            end.half_width,
-            f"{end.reason.sentence} {end.detail}".strip(),
+            end.value if self.name == HALF_WIDTH else last.half_width,
+            f"{self._sentence(end)} {end.detail}".strip(),
+            self.name,
+            end.value,
         )
         self.courses.append(course)
         noted = {
@@ -268,8 +279,9 @@ class Branches:
             "reason": course.reason,
             "half_width": course.half_width,
             "message": course.message,
+            **({} if self.name == HALF_WIDTH else {"parameter": self.name, "value": end.value}),
         }
-        self.journal.note(f"{name} ends at b = {end.half_width:.12g}: {course.message}")
+        self.journal.note(f"{name} ends at {course.place}: {course.message}")
         known = {each.name: each for each in courses(self.journal.run)}.get(name)
         if known is not None and known.arclength > course.arclength:
             return  # it was followed further before, and that end stands
@@ -290,9 +302,9 @@ class Branches:
             assert record.branch.soft_mode is not None
             tangent = _direction(record.branch.tangent, record.branch.half_width_rate, record)
             try:
-                point = _point(record)
+                point = _point(record, self.name)
                 mode = with_multipliers(point, record.branch.soft_mode.ravel())
-                found = switch(point, tangent, mode, side, self.options.guard)
+                found = switch(point, tangent, mode, side, self._guard_from(record))
             except ArithmeticError as error:
                 return Failure("solve", None, str(error), {"stage": stage.name})
             branch = self._branch_record(
@@ -305,10 +317,32 @@ class Branches:
             self.walk.begin(stage.name, stage.half_width, stage.segments)
         first = self.walk.end_of(stage, ended)
         if isinstance(first, Failure):
-            self._finish(name, record, [], _broken(record, first))
+            self._finish(name, record, [], self._broken(record, first))
         else:
             begun = self.journal.load(first)
-            self._follow(name, record, _place(begun), [begun], 2, depth)
+            self._follow(name, record, _place(begun, self.name), [begun], 2, depth)
+
+    # --- small things ---
+
+    def _at(self, record: StateRecord) -> float:
+        """The value of the parameter at a state."""
+        return record.parameters[self.name]
+
+    def _broken(self, base: StateRecord, why: Failure) -> End:
+        """The end of a branch on which nothing follows a state."""
+        return End(Reason.STEP_TOO_SMALL, self._at(base), why.message)
+
+    def _guard_from(self, base: StateRecord) -> Guard | None:
+        """What refuses a point that is reached from a state."""
+        return self.walk.options_from(state_of(base)).guard
+
+    def _options_from(self, place: _Place) -> BranchOptions:
+        return replace(self.options, guard=self._guard_from(place.record))
+
+    def _sentence(self, end: End) -> str:
+        if end.reason is Reason.RANGE and self.name != HALF_WIDTH:
+            return f"The end of the range of {self.name}."
+        return end.reason.sentence
 
 
 _SINGULAR = {
@@ -342,22 +376,17 @@ def _can_be_left(record: StateRecord) -> bool:
 
 def _stage(name: str, point: Point, type: str, parent: StateRecord) -> Stage:
     """The stage of a point of a branch; widths that were asked for are equilibria."""
-    kind = "equilibrium" if type == "width" else "intermediate"
-    return Stage(name, point.half_width, point.problem.band.segments, kind, parent.label)
+    kind, band = "equilibrium" if type in (WIDTH, VALUE) else "intermediate", point.problem.band
+    return Stage(name, band.half_width, band.segments, kind, parent.label)
 
 
-def _broken(base: StateRecord, why: Failure) -> End:
-    """The end of a branch on which nothing follows a state."""
-    return End(Reason.STEP_TOO_SMALL, base.half_width, why.message)
-
-
-def _point(record: StateRecord) -> Point:
-    return point_of(state_of(record), multipliers_of(record))
+def _point(record: StateRecord, parameter: str) -> Point:
+    return point_of(state_of(record), multipliers_of(record), parameter)
 
 
 def _direction(x: np.ndarray, rate: float, record: StateRecord) -> Tangent:
     """A stored direction; its multipliers, which have no weight in the metric, are not stored."""
-    return Tangent(x.ravel(), np.zeros(5 * record.segments + 3), rate)
+    return Tangent(x.ravel(), np.zeros_like(multipliers_of(record)), rate)
 
 
 def _travelled(record: StateRecord) -> float:
@@ -366,33 +395,34 @@ def _travelled(record: StateRecord) -> float:
     return record.branch.arclength
 
 
-def _place(record: StateRecord) -> _Place:
+def _place(record: StateRecord, parameter: str) -> _Place:
     """Where a branch stands at a stored step."""
     assert record.branch is not None
-    return _Place(record, record.branch.next_step, record.branch.arclength)
+    return _Place(record, record.branch.next_step, record.branch.arclength, parameter)
 
 
 def _numbered(events: Sequence[Event]) -> Iterator[tuple[str, Event]]:
     """Events with the words that name their stages, different within a step."""
     seen: dict[str, int] = {}
     for event in events:
-        word = f"b = {event.point.half_width:.12g}" if event.type == "width" else event.type
+        asked = f"{event.point.symbol} = {event.point.value:.12g}"
+        word = asked if event.type in (WIDTH, VALUE) else event.type
         seen[word] = seen.get(word, 0) + 1
         yield (word if seen[word] == 1 else f"{word} ({seen[word]})"), event
 
 
 def _happening(event: Event) -> Happening:
     """An event of a branch as the fact that its state keeps."""
-    b = event.point.half_width
+    where = {"symbol": event.point.symbol, "value": event.point.value}
     if event.type == "contact":
         kind = "contact-begins" if event.begins else "contact-ceases"
-        return happening(kind, half_width=b, bracket=event.bracket)
-    if event.type == "width" or (event.type == "branch-point" and event.mode is None):
-        return happening("width-reached", half_width=b)
-    index = {"half_width": b, "before": _index(event.before), "after": _index(event.after)}
+        return happening(kind, **where, bracket=event.bracket)
+    if event.type in (WIDTH, VALUE) or (event.type == "branch-point" and event.mode is None):
+        return happening("width-reached" if event.type == WIDTH else "value-reached", **where)
+    index = {**where, "before": _index(event.before), "after": _index(event.after)}
     if event.type == "fold" or event.mode is None:
         return happening("fold", **index)
-    if abs(event.tangent.half_width) <= TURNING:
+    if abs(event.tangent.value) <= TURNING:
         return happening("branch-met", **index, overlap=event.mode.overlap)
     kind = "stability-gained" if event.after == 0 else "bifurcation"
     if event.loses_stability:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import fields
 
+from ..parts import HALF_WIDTH
 from ..store import Run, Summary
 from ..store.events import BranchEnd, Removed
 from .outcome import Course, CoursePoint
@@ -42,6 +43,10 @@ def _course(name: str, states: list[Summary], end: BranchEnd | None) -> Course:
         (course_point(state) for state in states), key=lambda point: (point.arclength or 0.0, point.label)
     )
     if end is None:
-        start = states[0].parent or 0
-        return Course(name, start, tuple(points), GOES_ON, points[-1].half_width, _UNFINISHED)
-    return Course(name, end.start, tuple(points), end.reason, end.half_width, end.message)
+        start, last = states[0].parent or 0, points[-1]
+        on = states[0].branch
+        moved = HALF_WIDTH if on is None or on.parameter is None else on.parameter
+        where = (last.half_width, _UNFINISHED, moved, last.parameters.get(moved))
+        return Course(name, start, tuple(points), GOES_ON, *where)
+    where = (end.half_width, end.message, end.parameter, end.value)
+    return Course(name, end.start, tuple(points), end.reason, *where)

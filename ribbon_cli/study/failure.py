@@ -9,7 +9,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from ..parts import HALF_WIDTH, PARAMETERS
 from ..store import Summary
+from .plan import place_name
 
 if TYPE_CHECKING:  # a finished run does without the solver
     from ..solver.status import Status
@@ -33,13 +35,13 @@ _SENTENCES = {
     "state": "{stage}: {said}",
     "refinement": "{stage}: {message}: take more or fewer segments",
     "construction": "{stage}: {message}",
-    "located": "{stage}: not located, at b = {end:.12g}: {message}",
-    "step": "a step from b = {start:.12g} to {end:.12g} failed: {message}",
-    "width": "no step from b = {start:.12g} towards {end:.12g} succeeds. {message}",
+    "located": "{stage}: not located, at {symbol} = {end:.12g}: {message}",
+    "step": "a step from {here} to {there} failed: {message}",
+    "way": "no step from {here} towards {there} succeeds. {message}",
     "turn": "no step from {turn} {start:.10g}/{count} succeeds: {message}",
-    "fold": "the branch seems to turn back (fold) near b = {near:.6g}: natural continuation towards "
-    "b = {end:.12g} ends, its last state is {label} at b = {start:.12g}; `ribbon continue {state} --to "
-    "{end:.12g} --arclength`, or `widths: {{arclength: {{to: {end:.12g}}}}}` in a config, goes on around it",
+    "fold": "the branch seems to turn back (fold) near {symbol} = {near:.6g}: natural continuation towards "
+    "{symbol} = {end:.12g} ends, its last state is {label} at {symbol} = {start:.12g}; `ribbon continue "
+    "{state} {option}--to {end:.12g} --arclength`, or `{config}` in a config, goes on around it",
 }
 """Kinds of failures with their sentences; `message` is the status's, with its detail."""
 
@@ -76,6 +78,42 @@ class Failure:
         if remedy is None or self.kind in ("fold", "located"):
             return self.bare
         return f"{self.bare} {remedy.format(f' ({self.smaller})' if self.smaller else '')}"
+
+
+def way_facts(here: Mapping[str, float | None], target: Mapping[str, float]) -> dict[str, Any]:
+    """The values of a failed step from a place to a target: `start` and `end` of the parameter that moves
+    first, and both places in words."""
+    first = next(iter(target))
+    start = {name: here[name] or 0.0 for name in target}
+    there = place_name(target)
+    if len(target) == 1:
+        there = there.partition(" = ")[2]
+    return {"start": start[first], "end": target[first], "here": place_name(start), "there": there}
+
+
+def halved_kind(target: Mapping[str, float]) -> str:
+    """The kind of event that tells of a step to a target that was halved, without its last word."""
+    return "width" if tuple(target) == (HALF_WIDTH,) else "step"
+
+
+def fold_facts(
+    run: str, current: Summary, name: str, start: float, end: float, beyond: float
+) -> dict[str, Any]:
+    """The values of a fold between a state and a value of a parameter at which another branch was met."""
+    width = name == HALF_WIDTH
+    config = f"widths: {{arclength: {{to: {end:.12g}}}}}"
+    if not width:
+        config = f"schedule: [{{arclength: {{parameter: {name}, to: {end:.12g}}}}}]"
+    return {
+        "near": 0.5 * (start + beyond),
+        "start": start,
+        "end": end,
+        "label": current.label,
+        "state": f"{run}:{current.label}",
+        "symbol": PARAMETERS[name].symbol,
+        "option": "" if width else f"--in {name} ",
+        "config": config,
+    }
 
 
 def failure_of(state: Summary, stage: str, smaller: str = "") -> Failure:

@@ -18,7 +18,7 @@ from ..model.folding import close, facet_frames, from_state, to_state
 from ..model.topology import CLOSURE_TOLERANCE, linking_number
 from ..parts import CLOSED
 from ..store import Run, StateRecord, decode, load_npz, resolve_state
-from .plan import start_width
+from .plan import start_name, start_width
 from .records import state_of
 
 OPEN = 1e-2
@@ -36,9 +36,14 @@ class Given(NamedTuple):
 
 def given_band(config: Config, root: Path, tell: Callable[[str], object] | None = None) -> Band | None:
     """The band of the state that a config starts from, None for a recipe. Arguments and errors are those of
-    `given_state`.
+    `given_state`; `tell` also hears that the state was closed.
     """
-    return given_state(config, root, tell).state.band if config.guess.recipe == "state" else None
+    if config.guess.recipe != "state":
+        return None
+    given = given_state(config, root, tell)
+    if given.closing is not None and tell is not None:
+        tell(f"{start_name(config)}: {given.closing}")
+    return given.state.band
 
 
 def given_state(config: Config, root: Path, tell: Callable[[str], object] | None = None) -> Given:

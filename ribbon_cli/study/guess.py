@@ -7,9 +7,10 @@ from dataclasses import replace
 from ..config import Config
 from ..facts import event
 from ..model.band import Band, Discretisation, State
+from ..model.folding import ClosureError
 from ..model.problem import Problem
 from ..recipes import RECIPES
-from ..recipes.recipe import Making, Way
+from ..recipes.recipe import Making, NotMadeError, Way
 from ..solver.arclength import nearest
 from ..solver.newton import solve
 from ..solver.status import Result
@@ -37,10 +38,14 @@ def freed_guess(walk: Walk, config: Config, given: Given | None) -> Summary | Fa
         guess.segments,
         start_width(config, guess.half_width),
         config.length,
-        -1 if config.half_twists % 2 else 1,
+        config.sigma,
         Discretisation(config.discretisation),
+        config.parts,
     )
-    way = RECIPES[guess.recipe].way(band, config.half_twists, guess.settings)
+    try:
+        way = RECIPES[guess.recipe].way(band, config.half_twists, guess.settings)
+    except (NotMadeError, ClosureError) as error:
+        return Failure("construction", None, str(error), {"stage": start_name(config)})
     if way.ready is not None:
         return _freed(walk, config, way.ready, None, way.method)
     end = _walked(walk, way, band)
@@ -81,11 +86,11 @@ def _freed(
     )
 
     def freed() -> Ended | Failure:
-        problem = Problem(band)
+        problem, options = Problem(band), walk.options_from(state)
         if config.guess.keep_saddle:
-            result = walk.checked(nearest(state, walk.options.guard))
+            result = walk.checked(nearest(state, options.guard))
         else:
-            result = walk.checked(solve(problem, state.vector(), None, walk.options))
+            result = walk.checked(solve(problem, state.vector(), None, options))
         if not converged(result):
             result = _saddle_left_in_vain(walk, problem, result)
         if not converged(result):

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -19,7 +19,7 @@ from ..store.events import Ended, GivenUp, Lost, removed
 from ..store.provenance import config_facts
 from .clock import Clock, Origin
 from .outcome import Outcome
-from .progress import Progress, Recording
+from .progress import Event, Note, Progress
 
 if TYPE_CHECKING:
     from ..config import SpectrumRequest
@@ -46,14 +46,15 @@ def run_or_read(run: Run, progress: Progress, study: Callable[[Progress], Outcom
     if run.has_leftovers:
         with suppress(StoreError, LockedError), run.writing():
             cleared = list(run.remarks)
-    told = Recording()
+    told: list[Event] = []
     try:
-        outcome = study(told)
+        outcome = study(told.append)
     except NotStoredError:
         with run.writing():
             run.remarks[:0] = cleared
             return study(progress)
-    told.replay(progress)
+    for event in told:
+        progress(event)
     return outcome
 
 
@@ -94,7 +95,12 @@ class Journal:
         return None if label is None else self.run.look_up(label)
 
     def lacks_saddle(self, stage: str) -> bool:
-        """Whether a saddle that was met in a stage was lost, and is not stored again."""
+        """Whether a saddle that was met in a stage was lost, and is not stored again.
+
+        Raises StoreError where the file of one that was not marked as lost is missing, or another.
+        """
+        for saddle in self._saddles.get(stage, ()):
+            self.run.look_up(saddle.label)
         return stage in self._lost_saddles
 
     def given_up(self, stage: str, parent: int | None) -> tuple[Status, str] | None:
@@ -138,7 +144,7 @@ class Journal:
     def note(self, text: str) -> None:
         """Tell whoever watches, and keep it for the outcome."""
         self.notes.append(text)
-        self.progress.note(text)
+        self.progress(Note(text))
 
     def end(self, outcome: Outcome) -> None:
         """Keep in the log which targets were missed, where that is news and the run is open for writing."""
@@ -170,11 +176,11 @@ class Journal:
         saddles: Sequence[SaddleMet],
         clock: Clock,
         spectrum: SpectrumRequest | None,
-        changes: Mapping[str, Any] | None = None,
+        changes: object = None,
     ) -> Summary:
         """Commit the saddles that were met in a stage, then the state that ends it.
 
-        `changes` are fields of its record that do not follow from the solve.
+        `changes` is a dataclass with fields of its record that do not follow from the solve.
         """
         self.store_saddles(reached, saddles, clock)
         state = self._commit(reached, clock, spectrum, changes)
@@ -198,11 +204,14 @@ class Journal:
         reached: Reached,
         clock: Clock,
         spectrum: SpectrumRequest | None,
-        changes: Mapping[str, Any] | None = None,
+        changes: object = None,
     ) -> Summary:
         from .records import build_record
 
-        record = replace(build_record(self.run.next_label, reached, clock, spectrum), **(changes or {}))
+        record = replace(
+            build_record(self.run.next_label, reached, clock, spectrum),
+            **({} if changes is None else vars(changes)),
+        )
         state = self.run.commit(record)
         self._recent.append(record)
         self.new_states += 1

@@ -1,4 +1,4 @@
-"""`ribbon continue` without arclength: from width to width among minima, up to the first fold."""
+"""`ribbon continue` without arclength: from value to value among minima, up to the first fold."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 
 from ..config import Arclength
+from ..parts import HALF_WIDTH, PARAMETERS
 from ..solver.branch import End, Reason
 from ..solver.status import Status
 from ..store import Summary
@@ -13,11 +14,11 @@ from .failure import Failure
 from .outcome import Course, CoursePoint
 from .plan import MOST_HALVINGS
 from .records import multipliers_of, state_of
-from .stepping import width_step
+from .stepping import step_to
 from .walk import Ended, Stage, Walk, bracketed
 
 CONTACT_ACCURACY = 1e-7
-"""Part of the band's length to which the first width of contact is bracketed."""
+"""Part of the band's length to which the first width of contact is bracketed; of others the like."""
 
 
 class Natural:
@@ -28,13 +29,14 @@ class Natural:
 
     def __init__(self, walk: Walk, request: Arclength, start: Summary) -> None:
         self.walk, self.journal = walk, walk.journal
-        self.request, self.start = request, start
+        self.request, self.start, self.name = request, start, request.parameter
+        self.symbol = PARAMETERS[self.name].symbol
         self.met: list[tuple[Summary, str]] = []
         self.beyond: list[float] = []
 
     def follow(self, name: str) -> Course:
-        """Reach the widths `at` on the way and `to`; the course ends with the first that is not reached."""
-        start, to = self.start.half_width, self.request.to
+        """Reach the values `at` on the way and `to`; the course ends with the first that is not reached."""
+        start, to = self._value(self.start), self.request.to
         sign = math.copysign(1.0, to - start)
         between = (b for b in self.request.at if 0.0 < sign * (b - start) < sign * (to - start))
         current, end = self.start, None
@@ -44,14 +46,21 @@ class Natural:
                 break
         end = end or End(Reason.RANGE, to)
         message = f"{end.reason.sentence} {end.detail}".strip()
-        self.journal.note(f"{name} ends at b = {end.half_width:.12g}: {message}")
+        self.journal.note(f"{name} ends at {self.symbol} = {end.value:.12g}: {message}")
         points = tuple(_point(record, kind) for record, kind in self.met)
-        return Course(name, self.start.label, points, end.reason.value, end.half_width, message)
+        last = self.met[-1][0] if self.met else self.start
+        width = end.value if self.name == HALF_WIDTH else last.half_width
+        where = (width, message, self.name, end.value)
+        return Course(name, self.start.label, points, end.reason.value, *where)
+
+    def _value(self, state: Summary) -> float:
+        """The parameter's value at a state."""
+        return state.parameters[self.name] or 0.0
 
     def _reach(self, name: str, current: Summary, b: float) -> tuple[Summary, End | None]:
-        """Go to a width in steps as long as they succeed; where it ends if it is not reached."""
-        step = b - current.half_width
-        while current.half_width != b:
+        """Go to a value in steps as long as they succeed; where it ends if it is not reached."""
+        step = b - self._value(current)
+        while self._value(current) != b:
             here = current
             following, failures = self.walk.longest(
                 self._stages(name, here, b, step),
@@ -61,44 +70,48 @@ class Natural:
             self._see(failures)
             if following is None:
                 hint = self._hint(current, failures[-1].sentence)
-                return current, End(Reason.STEP_TOO_SMALL, current.half_width, hint)
+                return current, End(Reason.STEP_TOO_SMALL, self._value(current), hint)
             if following.self_contact and not current.self_contact:
                 touching, end = self._locate_contact(name, current, following)
                 if "contact" in self.request.stop_at:
                     return touching, end
                 if end.reason is not Reason.CONTACT:
                     self.journal.note(f"{name}: contact not located: {end.detail}")
-            self.met.append((following, "width" if following.kind == "equilibrium" else "step"))
-            step = 2.0 * (following.half_width - current.half_width)
+            self.met.append((following, self._asked if following.kind == "equilibrium" else "step"))
+            step = 2.0 * (self._value(following) - self._value(current))
             current = following
         return current, None
 
     def _stages(self, name: str, current: Summary, b: float, step: float) -> Iterator[Stage]:
-        """The step towards a width, or all the way if it is as long, then its half, a quarter, ..."""
-        left, shortest = b - current.half_width, abs(b - self.start.half_width) / 2**MOST_HALVINGS
+        """The step towards a value, or all the way if it is as long, then its half, a quarter, ..."""
+        here = self._value(current)
+        left, shortest = b - here, abs(b - self._value(self.start)) / 2**MOST_HALVINGS
         while True:
-            aim = b if abs(step) >= abs(left) * (1.0 - 1e-9) else current.half_width + step
-            yield _stage(name, current, aim, "equilibrium" if aim == b else "intermediate")
-            if abs(aim - current.half_width) <= shortest:
+            aim = b if abs(step) >= abs(left) * (1.0 - 1e-9) else here + step
+            yield self._stage(name, current, aim, "equilibrium" if aim == b else "intermediate")
+            if abs(aim - here) <= shortest:
                 return
-            step = 0.5 * (aim - current.half_width)
+            step = 0.5 * (aim - here)
 
     def _locate_contact(self, name: str, before: Summary, after: Summary) -> tuple[Summary, End]:
-        """Halve the step that led to contact until the width is known; the end is in contact."""
+        """Halve the step that led to contact until the value is known; the end is in contact."""
 
         def step(start: Summary, b: float) -> Summary | Failure:
-            stage = _stage(name, start, b, "intermediate")
+            stage = self._stage(name, start, b, "intermediate")
             found = self.walk.reach(stage, lambda: self._solved(stage, start))
             if isinstance(found, Failure):
                 self._see((found,))
                 self.journal.note(f"{name}: {found.bare}")
             return found
 
-        free, touching, why = bracketed(before, after, CONTACT_ACCURACY * before.length, step)
+        within = CONTACT_ACCURACY * before.length
+        if self.name != HALF_WIDTH:
+            within = 2.0 * math.pi * CONTACT_ACCURACY / PARAMETERS[self.name].weight(before.length)
+        free, touching, why = bracketed(before, after, within, self._value, step)
         if why is not None:
-            return free, End(Reason.STEP_TOO_SMALL, free.half_width, why.sentence)
+            return free, End(Reason.STEP_TOO_SMALL, self._value(free), why.sentence)
         self.met.append((touching, "contact"))
-        return touching, End(Reason.CONTACT, touching.half_width)
+        return touching, End(Reason.CONTACT, self._value(touching))
 
     def _see(self, failures: tuple[Failure, ...]) -> None:
         """Remember where another branch was met."""
@@ -107,19 +120,32 @@ class Natural:
     def _hint(self, current: Summary, why: str) -> str:
         """Why no step succeeds: a fold, if another branch was met beyond."""
         if self.beyond:
-            nearest = min(self.beyond, key=lambda b: abs(b - current.half_width))
-            near = 0.5 * (current.half_width + nearest)
-            why = f"The branch seems to turn back (fold) near b = {near:.6g}: {why}"
+            here = self._value(current)
+            near = 0.5 * (here + min(self.beyond, key=lambda b: abs(b - here)))
+            why = f"The branch seems to turn back (fold) near {self.symbol} = {near:.6g}: {why}"
         return f"{why} --arclength goes on around folds and past losses of stability, and locates them."
 
     def _solved(self, stage: Stage, start: Summary) -> Ended | Failure:
-        """A minimum at a width from the state before it."""
+        """A minimum at a value from the state before it."""
         record = self.journal.load(start)
-        return width_step(self.walk, state_of(record), multipliers_of(record), stage.half_width)
+        return step_to(self.walk, state_of(record), multipliers_of(record), stage.target)
 
+    @property
+    def _asked(self) -> str:
+        """The type of a point at a value that was asked for."""
+        return "width" if self.name == HALF_WIDTH else "value"
 
-def _stage(name: str, start: Summary, b: float, kind: str) -> Stage:
-    return Stage(f"{name}, b = {float(b)!r}", b, start.segments, kind, start.label, start=start.half_width)
+    def _stage(self, name: str, start: Summary, value: float, kind: str) -> Stage:
+        target = {self.name: value}
+        return Stage(
+            f"{name}, {self.symbol} = {float(value)!r}",
+            target.get(HALF_WIDTH, start.half_width),
+            start.segments,
+            kind,
+            start.label,
+            start=start.parameters,
+            target=target,
+        )
 
 
 def _point(record: Summary, kind: str) -> CoursePoint:
@@ -138,4 +164,5 @@ def _point(record: Summary, kind: str) -> CoursePoint:
         self_contact=record.self_contact,
         clearance=record.clearance,
         arclength=None,
+        parameters=record.parameters,
     )

@@ -14,7 +14,7 @@ from .branch import Branches
 from .journal import run_or_read
 from .natural import Natural
 from .outcome import Outcome
-from .progress import Progress, Silence
+from .progress import Progress, silence
 from .refine import walk_from
 
 
@@ -46,19 +46,16 @@ def continue_state(
         walk = walk_from(run, record, watcher, argv)
         for choice in taken:
             walk.journal.note(choice)
-        try:
-            if natural:
-                courses = [Natural(walk, request, Summary.of(record)).follow(f"from {record.label}")]
-            else:
-                branches = Branches(walk, request, record)
-                branches.follow(branch_name(record, request))
-                courses = branches.courses
-        finally:
-            watcher.done()
+        if natural:
+            courses = [Natural(walk, request, Summary.of(record)).follow(f"from {record.label}")]
+        else:
+            branches = Branches(walk, request, record)
+            branches.follow(branch_name(record, request))
+            courses = branches.courses
         notes, new = tuple(walk.journal.notes), walk.journal.new_states
         return Outcome(run, (), notes, new, tuple(courses))
 
-    return run_or_read(run, progress or Silence(), study)
+    return run_or_read(run, progress or silence, study)
 
 
 def _check(ref: str, record: StateRecord, request: Arclength) -> None:
@@ -89,8 +86,6 @@ def _check(ref: str, record: StateRecord, request: Arclength) -> None:
             )
     if same_value(name, request.to, here, length):
         raise UsageError(f"{ref}: has {symbol} = {here:.12g} already")
-    if name != HALF_WIDTH or not record.sigma:
-        raise UsageError(f"{ref}: branches in {name}, and of open strips, are not followed yet")
 
 
 def _check_value(record: StateRecord, name: str, option: str, value: float) -> None:

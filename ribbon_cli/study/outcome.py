@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
+from ..parts import HALF_WIDTH, PARAMETERS
 from ..store import Run
 
 
@@ -11,6 +13,7 @@ from ..store import Run
 class Target:
     """A width and number of segments that the config or command names, and what came of it.
 
+    `place` are its parameters in words, where they are more than the half-width.
     `kept` tells of a saddle that it is the one asked for, `beyond` of a target not reached that it lies
     beyond the event at which the config stops.
     """
@@ -23,6 +26,12 @@ class Target:
     message: str
     kept: bool = False
     beyond: bool = False
+    place: str = ""
+
+    @property
+    def where(self) -> str:
+        """Its parameters in words."""
+        return self.place or f"b = {self.half_width:.12g}"
 
     @property
     def failed(self) -> bool:
@@ -53,11 +62,15 @@ class CoursePoint:
     self_contact: bool
     clearance: float | None
     arclength: float | None
+    parameters: Mapping[str, float | None] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class Course:
-    """A branch from its start: its points in order, and why and where it ends."""
+    """A branch from its start: its points in order, and why and where it ends.
+
+    The last is the half-width there, and the `value` of the `parameter` in which it was followed.
+    """
 
     name: str
     start: int
@@ -65,6 +78,14 @@ class Course:
     reason: str
     half_width: float
     message: str
+    parameter: str = HALF_WIDTH
+    value: float | None = None
+
+    @property
+    def place(self) -> str:
+        """Where it ends, in words."""
+        value = self.half_width if self.value is None else self.value
+        return f"{PARAMETERS[self.parameter].symbol} = {value:.12g}"
 
     @property
     def arclength(self) -> float:
@@ -90,8 +111,8 @@ class Outcome:
     @property
     def causes(self) -> tuple[tuple[str, str], ...]:
         """Where and why a target was not reached or has no certificate, or a branch broke off."""
-        missed = ((f"b = {t.half_width:.12g}, N = {t.segments}", t.message) for t in self.targets if t.failed)
-        broken = ((f"{c.name}, b = {c.half_width:.12g}", c.message) for c in self.branches if c.failed)
+        missed = ((f"{t.where}, N = {t.segments}", t.message) for t in self.targets if t.failed)
+        broken = ((f"{c.name}, {c.place}", c.message) for c in self.branches if c.failed)
         return (*missed, *broken)
 
     @property

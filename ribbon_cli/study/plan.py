@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from ..config import Config
-from ..facts import same_value, same_width
+from ..facts import TOLERANCE, same_value, same_width
 from ..parts import HALF_WIDTH, PARAMETERS
 from ..recipes import RECIPES
 
@@ -54,7 +54,7 @@ def visits(widths: Sequence[float]) -> list[tuple[float, int]]:
     out = []
     for b in widths:
         insort(ordered, b)
-        same = bisect_right(ordered, b * (1.0 + 1e-9)) - bisect_left(ordered, b * (1.0 - 1e-9))
+        same = bisect_right(ordered, b * (1.0 + TOLERANCE)) - bisect_left(ordered, b * (1.0 - TOLERANCE))
         out.append((b, same))
     return out
 
@@ -70,6 +70,26 @@ class Goal:
     to: Mapping[str, float]
     visit: int = 1
     ends_leg: bool = True
+
+    @property
+    def one(self) -> str | None:
+        """The parameter that moves, None where several do together."""
+        return next(iter(self.to)) if len(self.to) == 1 else None
+
+    def distance(
+        self, here: Mapping[str, float | None], there: Mapping[str, float | None] | None = None
+    ) -> float:
+        """How far a place is from the goal or from another place, by the parameter that moves first."""
+        name, end = next(iter(self.to.items()))
+        return abs((end if there is None else there[name] or 0.0) - (here[name] or 0.0))
+
+    def holds(self, here: Mapping[str, float]) -> bool:
+        """Whether a place is the goal, to the last digit."""
+        return all(here[name] == value for name, value in self.to.items())
+
+    def reached(self, here: Mapping[str, float | None], length: float) -> bool:
+        """Whether a place is the goal, but for rounding."""
+        return all(same_value(name, here[name] or 0.0, value, length) for name, value in self.to.items())
 
     @property
     def name(self) -> str:

@@ -1,66 +1,54 @@
-"""What a study tells whoever watches it."""
+"""What a study tells whoever watches it: events, handed to a callable."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol
+from dataclasses import dataclass
+
+from .. import digits
 
 
-class Progress(Protocol):
-    """Receives the course of a study; see `ribbon_cli.api.console` for what a terminal shows."""
+@dataclass(frozen=True)
+class Stage:
+    """A stage begins, `index` (from 1) of about `total`."""
 
-    def stage(self, name: str, index: int, total: int, half_width: float, segments: int) -> None:
-        """Note that a stage begins, `index` (from 1) of about `total`."""
+    name: str
+    index: int
+    total: int
+    half_width: float
+    segments: int
 
-    def step(self, iteration: int, energy: float, residual: float, half_width: float | None = None) -> None:
-        """Note a Newton step of the stage; `half_width` where only the step has found it, as on a branch."""
-
-    def note(self, text: str) -> None:
-        """Note something worth a line: a halved step, a saddle left, a change of grid phase."""
-
-    def done(self) -> None:
-        """Note the end."""
+    def __str__(self) -> str:
+        return f"[{self.index}/{self.total}] {self.name}: b = {self.half_width:g}, N = {self.segments}"
 
 
-class Silence:
-    """Tells nobody."""
+@dataclass(frozen=True)
+class Step:
+    """A Newton step of the stage was taken; `half_width` is given where only the step has found it."""
 
-    def stage(self, name: str, index: int, total: int, half_width: float, segments: int) -> None:
-        """Ignore a stage."""
+    iteration: int
+    energy: float
+    residual: float
+    half_width: float | None = None
 
-    def step(self, iteration: int, energy: float, residual: float, half_width: float | None = None) -> None:
-        """Ignore a step."""
-
-    def note(self, text: str) -> None:
-        """Ignore a note."""
-
-    def done(self) -> None:
-        """Ignore the end."""
+    def __str__(self) -> str:
+        return f"step {self.iteration}: E = {digits.energy(self.energy)}, residual {self.residual:.1e}"
 
 
-class Recording:
-    """Keeps what it is told, to tell it to someone else."""
+@dataclass(frozen=True)
+class Note:
+    """Something happened that is worth a line: a halved step, a saddle left, a change of grid phase."""
 
-    def __init__(self) -> None:
-        self._told: list[Callable[[Progress], None]] = []
+    text: str
 
-    def stage(self, name: str, index: int, total: int, half_width: float, segments: int) -> None:
-        """Keep a stage."""
-        self._told.append(lambda to: to.stage(name, index, total, half_width, segments))
+    def __str__(self) -> str:
+        return self.text
 
-    def step(self, iteration: int, energy: float, residual: float, half_width: float | None = None) -> None:
-        """Keep a step."""
-        self._told.append(lambda to: to.step(iteration, energy, residual, half_width))
 
-    def note(self, text: str) -> None:
-        """Keep a note."""
-        self._told.append(lambda to: to.note(text))
+Event = Stage | Step | Note
+Progress = Callable[[Event], object]
+"""Who watches; see `ribbon_cli.api.console` for what a terminal shows."""
 
-    def done(self) -> None:
-        """Keep the end."""
-        self._told.append(lambda to: to.done())
 
-    def replay(self, to: Progress) -> None:
-        """Tell it all."""
-        for tell in self._told:
-            tell(to)
+def silence(_: Event) -> None:
+    """Tell nobody."""

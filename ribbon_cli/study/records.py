@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,12 +13,15 @@ from ..model.band import Array, Band, Discretisation, Multipliers, State
 from ..model.contact import self_contact
 from ..model.geometry import geometry
 from ..model.problem import Problem
+from ..model.reactions import reactions
 from ..model.topology import linking_number, open_turn, writhe
+from ..parts import FREE
 from ..solver.kkt import FactorisationError
 from ..solver.newton import inverted_facets
 from ..solver.spectra import Spectrum, full_spectra, lowest_spectrum
 from ..solver.status import Result, SaddleMet, Status
 from ..store import BranchRecord, SpectrumRecord, StateRecord
+from .acceptance import turn_of
 from .clock import Clock
 
 
@@ -79,7 +81,7 @@ def build_record(label: int, reached: Reached, clock: Clock, spectrum: SpectrumR
     spectra, remarks = _spectra(problem, result, spectrum)
     events = (*reached.events, *remarks)
     return StateRecord(
-        **derive(reached),
+        **vars(derive(reached)),
         label=label,
         kind=reached.kind,
         status=result.status.value,
@@ -91,7 +93,6 @@ def build_record(label: int, reached: Reached, clock: Clock, spectrum: SpectrumR
         segments=band.segments,
         half_twists=reached.half_twists,
         discretisation=band.discretisation.value,
-        parts=band.parts,
         stage=reached.stage,
         u=state.u,
         g=state.g,
@@ -102,6 +103,8 @@ def build_record(label: int, reached: Reached, clock: Clock, spectrum: SpectrumR
         lambda_4=named.lambda_4,
         lambda_5=named.lambda_5,
         gamma=named.gamma,
+        lambda_end=named.end,
+        parts=band.parts,
         negative_eigenvalues=result.negative,
         spectra=spectra,
         branch=reached.branch,
@@ -124,7 +127,34 @@ def _sentence(result: Result, kind: str) -> str:
     return result.message
 
 
-def derive(reached: Reached) -> dict[str, Any]:
+@dataclass(frozen=True, eq=False)
+class Derived:
+    """Fields of a record that follow from u, g, xi and the multipliers, by their names in a `StateRecord`."""
+
+    energy: float
+    kkt_residual: float
+    constraint_residual: float
+    smallest_facet: float
+    inverted_facets: int
+    linking_number: float
+    twist: float
+    writhe: float
+    self_contact: bool
+    clearance: float
+    g_end: Array
+    midline: Array
+    kappa_s: Array
+    tau: Array
+    eta: Array
+    eta_prime: Array
+    bending_energy: float | None
+    reaction_force: Array | None
+    reaction_moment: Array | None
+    start_force: Array | None
+    start_moment: Array | None
+
+
+def derive(reached: Reached) -> Derived:
     """Fields of a record that follow from u, g, xi and the multipliers: what `ribbon verify` computes again.
 
     Raises ValueError where they are not defined, as for values that are not finite.
@@ -134,26 +164,32 @@ def derive(reached: Reached) -> dict[str, Any]:
     end = problem.end_ruling(result.x)
     shape = geometry(state, end if problem.prescription.seam is not None else None)
     turn = _topology(problem, state)
-    contact = self_contact(state.u, state.g, end, band.half_width, band.h)
+    contact = self_contact(state.u, state.g, end, band.half_width, band.h, closed=band.closed)
     facets = inverted_facets(problem, result.x)
-    return {
-        "energy": result.energy,
-        "kkt_residual": result.kkt_residual,
-        "constraint_residual": result.constraint_residual,
-        "smallest_facet": float(facets.min()),
-        "inverted_facets": int((facets <= 0).sum()),
-        "linking_number": turn[0],
-        "twist": turn[1],
-        "writhe": turn[2],
-        "self_contact": contact.contact,
-        "clearance": contact.clearance,
-        "g_end": end,
-        "midline": shape.midline,
-        "kappa_s": shape.kappa_s,
-        "tau": shape.tau,
-        "eta": shape.eta,
-        "eta_prime": shape.eta_prime,
-    }
+    held = None if band.closed else reactions(problem, result.x, result.multipliers)
+    return Derived(
+        energy=result.energy,
+        kkt_residual=result.kkt_residual,
+        constraint_residual=result.constraint_residual,
+        smallest_facet=float(facets.min()),
+        inverted_facets=int((facets <= 0).sum()),
+        linking_number=turn[0],
+        twist=turn[1],
+        writhe=turn[2],
+        self_contact=contact.contact,
+        clearance=contact.clearance,
+        g_end=end,
+        midline=shape.midline,
+        kappa_s=shape.kappa_s,
+        tau=shape.tau,
+        eta=shape.eta,
+        eta_prime=shape.eta_prime,
+        bending_energy=problem.bending_energy(result.x) if problem.terms else None,
+        reaction_force=None if held is None else held.force,
+        reaction_moment=None if held is None else held.moment,
+        start_force=None if held is None else held.start_force,
+        start_moment=None if held is None else held.start_moment,
+    )
 
 
 def _prescribed(problem: Problem) -> NDArray[np.bool_] | None:
@@ -164,9 +200,15 @@ def _prescribed(problem: Problem) -> NDArray[np.bool_] | None:
 
 
 def _topology(problem: Problem, state: State) -> tuple[float, float, float]:
-    """Lk, Tw, Wr; with an open seam Tw + Wr of the open frame stands for Lk. Not-a-number if undefined."""
+    """Lk, Tw, Wr; with an open seam Tw + Wr of the open frame stands for Lk, of strips Tw + Wr.
+
+    Not-a-number if undefined.
+    """
     band = problem.band
     try:
+        if not band.closed:
+            found_open = turn_of(state)
+            return sum(found_open), *found_open
         if problem.prescription.seam is None:
             found = linking_number(state.u, state.g, band.sigma, band.h)
             return found.linking_number, found.twist, found.writhe
@@ -209,18 +251,14 @@ def _spectrum_record(spectrum: Spectrum) -> SpectrumRecord:
 
 def state_of(record: StateRecord) -> State:
     """The discrete state of a record."""
-    band = Band(
-        record.segments,
-        record.half_width,
-        record.length,
-        record.sigma,
-        Discretisation(record.discretisation),
-        record.parts,
-    )
-    return State(band, record.u, record.g, record.xi)
+    rule = Discretisation(record.discretisation)
+    band = Band(record.segments, record.half_width, record.length, record.sigma, rule, record.parts)
+    return State(band, record.u, record.g, record.xi, None if band.closed else record.g_end)
 
 
 def multipliers_of(record: StateRecord) -> Array:
     """The multipliers (5N+3,) of a record."""
     fields = (record.lambda_1, record.lambda_2, record.lambda_3, record.lambda_4, record.lambda_5)
-    return Multipliers(*fields, record.gamma).vector()
+    ends = record.parts.ends
+    closing = 0 if ends is not None and ends.end == FREE else 3
+    return Multipliers(*fields, record.gamma, record.lambda_end).vector(closing)

@@ -16,7 +16,7 @@ from ..store.refs import meant
 from .failure import Failure
 from .journal import run_or_read
 from .outcome import Outcome, Target
-from .progress import Progress, Silence
+from .progress import Progress, silence
 from .records import state_of
 from .run_config import resolved_config
 from .walk import Walk
@@ -59,13 +59,10 @@ def refine_state(
         walk = walk_from(run, record, watcher, argv, len(grids))
         for choice in taken:
             walk.journal.note(choice)
-        try:
-            targets = _refine_all(walk, Summary.of(record), grids, method, every=levels is not None)
-        finally:
-            watcher.done()
+        targets = _refine_all(walk, Summary.of(record), grids, method, every=levels is not None)
         return Outcome(run, targets, tuple(walk.journal.notes), walk.journal.new_states)
 
-    return run_or_read(run, progress or Silence(), study)
+    return run_or_read(run, progress or silence, study)
 
 
 def _refine_all(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from ..errors import UsageError
 from ..store import Run, Summary, typed
@@ -17,26 +16,36 @@ _CROSSING = re.compile(r"branch from (\d{1,12}) side ")
 
 
 @dataclass(frozen=True)
+class Request:
+    """States by label, branches by number, counted from 1 as `ribbon show` does; `dependents` takes whatever
+    came from them as well.
+    """
+
+    labels: tuple[int, ...] = ()
+    numbers: tuple[int, ...] = ()
+    dependents: bool = False
+
+
+@dataclass(frozen=True)
 class Removal:
     """Labels of the states to be removed, and the branches whose ends in the log count no longer."""
 
+    request: Request
     labels: tuple[int, ...]
     branches: tuple[str, ...]
 
 
-def removal_of(
-    run: Run, labels: Collection[int] = (), numbers: Collection[int] = (), dependents: bool = False
-) -> Removal:
-    """What goes with these states and branches, which are counted from 1 as `ribbon show` does.
+def removal_of(run: Run, request: Request) -> Removal:
+    """What goes with the states and branches of a request.
 
-    Saddles that were left on the way to a state go with it, and so does whatever came from it if
-    `dependents`. Raises UsageError for a state or branch of the config, which the next solve would compute
-    again; for one from which others came, unless these go as well; and for a branch that is not there.
+    Saddles that were left on the way to a state go with it. Raises UsageError for a state or branch of the
+    config, which the next solve would compute again; for one from which others came, unless these go as
+    well; and for a branch that is not there.
     """
     states = {state.label: state for state in run.states(all=True)}
     branches = courses(run)
-    chosen = [_branch(run, branches, number) for number in numbers]
-    wanted = {*labels, *(point.label for course in chosen for point in course.points)}
+    chosen = [_branch(run, branches, number) for number in request.numbers]
+    wanted = {*request.labels, *(point.label for course in chosen for point in course.points)}
     stages = {label: state.stage for label, state in states.items()}
     of_config = [stages[label] for label in sorted(wanted)] + [f"{course.name}, " for course in chosen]
     for stage in of_config:
@@ -47,7 +56,7 @@ def removal_of(
             )
     free = wanted | set(_saddles_on_the_way(states, wanted))
     every = _with_dependents(states, free)
-    if every != free and not dependents:
+    if every != free and not request.dependents:
         rest = sorted(every - free)
         come = "comes" if len(rest) == 1 else "come"
         raise UsageError(
@@ -62,16 +71,16 @@ def removal_of(
         for course in branches
         if course in chosen or course.start in every or any(point.label in every for point in course.points)
     ]
-    return Removal(tuple(sorted(every)), tuple(touched))
+    return Removal(request, tuple(sorted(every)), tuple(touched))
 
 
-def remove(run: Run, removal: Removal, **request: Any) -> None:
-    """Remove what was agreed on. `request` is what `removal_of` was asked.
+def remove(run: Run, removal: Removal) -> None:
+    """Remove what was agreed on.
 
     Raises UsageError where meanwhile it would come to something else, LockedError, StoreError.
     """
     with run.writing():
-        if removal_of(run, **request) != removal:
+        if removal_of(run, removal.request) != removal:
             raise UsageError(f"{run.name}: another process has changed it meanwhile: give the command again")
         run.remove_states(removal.labels, removal.branches)
 

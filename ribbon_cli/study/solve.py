@@ -8,7 +8,7 @@ thousands of states is passed over without NumPy.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
@@ -16,25 +16,16 @@ from typing import TYPE_CHECKING
 
 from ..config import Arclength, Config, dump_resolved
 from ..errors import UsageError
-from ..facts import same_width
-from ..parts import CLOSED
+from ..facts import same_value
+from ..parts import HALF_WIDTH, PARAMETERS
 from ..store import Run, Summary, configs
 from ..store.folder import is_run
 from .config_changes import what_changed
 from .failure import Failure, failure_of
 from .journal import run_or_read
 from .outcome import Course, Outcome, Target
-from .plan import (
-    guess_notes,
-    plan_of,
-    refined_at,
-    refinement_name,
-    start_name,
-    visits,
-    width_name,
-    width_steps,
-)
-from .progress import Progress, Silence
+from .plan import Goal, goals, guess_notes, place_name, plan_of, refined_at, start_name
+from .progress import Progress, silence
 from .walk import Walk
 
 if TYPE_CHECKING:
@@ -62,7 +53,6 @@ def solve_config(
     are in the outcome, and the run's log keeps which. Raises UsageError for a given state that does not fit
     (before any run folder is made), StoreError, LockedError.
     """
-    _check_solvable(config)
     given, remarks = None, list[str]()
     if config.guess.recipe == "state":
         from .given import given_state
@@ -79,23 +69,13 @@ def solve_config(
         for module in _COMPUTING if run.is_writing else ():
             import_module(module, __package__)
         one_pass = _Study(config, run, given, watcher, argv)
-        try:
-            for remark in remarks:
-                one_pass.journal.note(remark)
-            outcome = one_pass.run()
-            one_pass.journal.end(outcome)
-            return outcome
-        finally:
-            watcher.done()
+        for remark in remarks:
+            one_pass.journal.note(remark)
+        outcome = one_pass.run()
+        one_pass.journal.end(outcome)
+        return outcome
 
-    return run_or_read(run, progress or Silence(), study)
-
-
-def _check_solvable(config: Config) -> None:
-    """Raise UsageError for what configs can say and studies do not walk through yet."""
-    if config.parts != CLOSED or config.schedule:
-        what = "schedules" if config.parts == CLOSED else "open strips and natural curvature"
-        raise UsageError(f"{config.path}: {what} are not solved yet")
+    return run_or_read(run, progress or silence, study)
 
 
 def _open(config: Config, root: Path) -> Run:
@@ -142,10 +122,8 @@ class _Study:
     def run(self) -> Outcome:
         """Run everything and report."""
         current = self._start()
-        if current is not None and self.config.arclength is not None:
-            self._branches(current, self.config.arclength)
-        elif current is not None:
-            self._widths(current)
+        if current is not None:
+            self._schedule(current)
         else:
             guess = self.config.guess
             half_width, segments = (
@@ -153,8 +131,10 @@ class _Study:
                 if self.given is None
                 else _place(self.given.state)
             )
-            for b in self.config.widths or (half_width,):
-                self._missed(b, (segments, *refined_at(self.config, b)))
+            place = self.config.start(half_width)
+            for goal in goals(self.config, place) or (Goal({HALF_WIDTH: half_width}),):
+                place = {**place, **goal.to}
+                self._missed(place, (segments, *self._levels(place, goal)))
         return Outcome(
             self.journal.run,
             tuple(self.targets),
@@ -203,82 +183,102 @@ class _Study:
         """Whether this is a saddle at which the config asks to begin."""
         return self.config.guess.keep_saddle and record.status == "saddle"
 
-    # --- widths ---
+    # --- the schedule ---
 
-    def _widths(self, current: Summary) -> None:
-        """The schedule of widths from the freed guess, each with its refinement."""
-        start = current
-        for k, (b, visit) in enumerate(visits(self.config.widths or (start.half_width,))):
+    def _schedule(self, current: Summary) -> None:
+        """The schedule from the freed guess, the ends of its legs refined, and the branch at its end."""
+        start, branch = current, self.config.arclength
+        place = {name: value or 0.0 for name, value in start.parameters.items()}
+        planned = goals(self.config, place)
+        if not planned and branch is None:
+            planned = [Goal({HALF_WIDTH: start.half_width})]
+        for k, goal in enumerate(planned):
             ended = k > 0 and self.stopped is not None  # a later visit is none of the state that stands there
-            if self.stopped is None and not same_width(b, current.half_width):
-                current = self._reach(current, b, visit)
-            if ended or not same_width(b, current.half_width):
-                self._missed(b, (start.segments, *refined_at(self.config, b)))
+            place = {**place, **goal.to}
+            if self.stopped is None and not goal.reached(current.parameters, current.length):
+                current = self._reach(current, goal)
+            if ended or not goal.reached(current.parameters, current.length):
+                self._missed(place, (start.segments, *self._levels(place, goal)))
                 continue
-            self.targets.append(_target(current))
-            self._refine(current, b, visit)
+            self.targets.append(self._target(current))
+            if goal.ends_leg:
+                self._refine(current, goal)
             if current.self_contact and self.config.contact == "stop" and self.stopped is None:
-                self._stop_in_contact(current.half_width)
+                self._stop_in_contact(goal, current)
+        if branch is not None:
+            self._branches(current, branch, bool(planned))
 
-    def _stop_in_contact(self, half_width: float) -> None:
+    def _levels(self, place: Mapping[str, float], goal: Goal) -> tuple[int, ...]:
+        """Levels beyond the first to which a goal at a place is refined."""
+        return refined_at(self.config, place[HALF_WIDTH]) if goal.ends_leg else ()
+
+    def _stop_in_contact(self, goal: Goal, current: Summary, located: float | None = None) -> None:
         self.in_contact = True
-        self._stop(f"the band touches itself from b = {half_width:.10g}: contact: stop ends the schedule")
+        name = next(iter(goal.to))
+        value = current.parameters[name] if located is None else located
+        where = f"{PARAMETERS[name].symbol} = {value:.10g}"
+        self._stop(f"the band touches itself from {where}: contact: stop ends the schedule")
 
-    def _reach(self, current: Summary, b: float, visit: int) -> Summary:
-        """Continue to width b, halving steps that fail; the last state reached, `stopped` if it is not b."""
+    def _reach(self, current: Summary, goal: Goal) -> Summary:
+        """Continue to a goal, halving steps that fail; the last state reached, `stopped` if it is not
+        there."""
         before: Summary | None = None
         while True:
-            following = self._stored_step(current, b, visit) or self._step(before, current, b, visit)
+            following = self._stored_step(current, goal) or self._step(before, current, goal)
             if following is None:
                 return current
-            met = self._contact_between(current, following, b)
+            met = self._contact_between(current, following, goal)
             before, current = current, following
             if current.self_contact and self.config.contact == "stop" and self.stopped is None:
-                self._stop_in_contact(current.half_width if met is None else met)
+                self._stop_in_contact(goal, current, met)
             if current.kind == "equilibrium" or self.stopped is not None:
                 return current
 
-    def _stored_step(self, current: Summary, b: float, visit: int) -> Summary | None:
-        goal = width_name(b, visit)
+    def _stored_step(self, current: Summary, goal: Goal) -> Summary | None:
         # Most steps were not halved: the names of the halves are made where there was need of them.
-        candidates = [(goal, b)] if self.journal.has(goal) else width_steps(current.half_width, b, visit)
-        for stage, width in candidates:
+        ways = [(goal.name, goal.to)] if self.journal.has(goal.name) else goal.ways(_known(current))
+        for stage, target in ways:
             record = self.journal.finished(stage)
             if record is not None and not self.journal.lacks_saddle(stage):
-                self.walk.begin(stage, width, current.segments)
+                self.walk.begin(stage, target.get(HALF_WIDTH, current.half_width), current.segments)
                 if not record.certified:
                     self._stop_at(stage, record)
                 return record
         return None
 
-    def _step(self, before: Summary | None, current: Summary, b: float, visit: int) -> Summary | None:
-        """The longest step towards a width that works, computed; `stopped` is set where none does."""
+    def _step(self, before: Summary | None, current: Summary, goal: Goal) -> Summary | None:
+        """The longest step towards a goal that works, computed; `stopped` is set where none does."""
         from .stepping import longest_step
 
-        following, why = longest_step(self.walk, before, current, b, visit)
+        following, why = longest_step(self.walk, before, current, goal)
         if why is not None:
             self._stop(why.sentence)
         elif following is not None and not following.certified:  # stored, and a saddle was met again
             self._stop_at(following.stage, following)
         return following
 
-    def _contact_between(self, before: Summary, after: Summary, b: float) -> float | None:
-        """Half-width at which self-contact begins or ends on a step towards a width, where it does."""
-        if before.self_contact == after.self_contact:
+    def _contact_between(self, before: Summary, after: Summary, goal: Goal) -> float | None:
+        """Where self-contact begins or ends on a step towards a goal in one parameter, where it does."""
+        if before.self_contact == after.self_contact or goal.one is None:
             return None
         from .contact import locate_contact
 
-        beside = (refined_at(self.config, end) for end in (b, before.half_width))
-        found = locate_contact(self.walk, before, after, next(filter(None, beside), ()))
-        return found[0].half_width if found else None
+        there = {**_known(before), **goal.to}[HALF_WIDTH]
+        beside = (refined_at(self.config, end) for end in (there, before.half_width))
+        found = locate_contact(self.walk, before, after, next(filter(None, beside), ()), goal.one)
+        return found[0].value if found else None
 
-    def _branches(self, start: Summary, request: Arclength) -> None:
-        """The branch through the freed guess, and those that cross it if the config asks for them."""
-        self.targets.append(replace(_target(start), kept=self._kept(start)))
+    def _branches(self, start: Summary, request: Arclength, scheduled: bool) -> None:
+        """The branch through the schedule's end, or the freed guess, and those that cross it if asked for."""
+        if not scheduled:
+            self.targets.append(replace(self._target(start), kept=self._kept(start)))
         if self.stopped is not None:
             return
-        if same_width(start.half_width, request.to):
-            raise UsageError(f"widths.arclength.to: the start has b = {start.half_width:.12g} already")
+        name, here = request.parameter, start.parameters[request.parameter] or 0.0
+        if same_value(name, here, request.to, start.length):
+            section = "widths" if name == HALF_WIDTH else "schedule"
+            what = f"{PARAMETERS[name].symbol} = {here:.12g}"
+            raise UsageError(f"{section}.arclength.to: the start has {what} already")
         if self.config.contact == "stop" and "contact" not in request.stop_at:
             request = replace(request, stop_at=(*request.stop_at, "contact"))
         from .branch import Branches
@@ -289,20 +289,21 @@ class _Study:
 
     # --- refinement ---
 
-    def _refine(self, record: Summary, b: float, visit: int) -> None:
-        """Refine a width's state level by level."""
-        levels = refined_at(self.config, b)
+    def _refine(self, record: Summary, goal: Goal) -> None:
+        """Refine the state at the end of a leg level by level."""
+        place = _known(record)
+        levels = self._levels({**place, **goal.to}, goal)
         for k, n in enumerate(levels):
             if not record.certified:
-                self._missed(b, levels[k:], f"the level before it: {record.message}")
+                self._missed(place, levels[k:], f"the level before it: {record.message}")
                 return
-            following = self.walk.refine(record, n, refinement_name(b, n, visit), "equilibrium")
+            following = self.walk.refine(record, n, goal.refined(n), "equilibrium")
             if isinstance(following, Failure):
                 self.journal.note(following.sentence)
-                self._missed(b, levels[k:], following.sentence)
+                self._missed(place, levels[k:], following.sentence)
                 return
             record = following
-            self.targets.append(_target(record))
+            self.targets.append(self._target(record))
 
     # --- small things ---
 
@@ -313,11 +314,30 @@ class _Study:
     def _stop_at(self, stage: str, record: Summary, steps: str = "") -> None:
         self._stop(failure_of(record, stage, steps).sentence)
 
-    def _missed(self, half_width: float, levels: Sequence[int], why: str | None = None) -> None:
+    def _missed(self, place: Mapping[str, float], levels: Sequence[int], why: str | None = None) -> None:
         for n in levels:
             message = f"not reached: {why or self.stopped}"
             beyond = self.in_contact and why is None
-            self.targets.append(Target(half_width, n, None, False, False, message, beyond=beyond))
+            words = self._words(place)
+            self.targets.append(
+                Target(place[HALF_WIDTH], n, None, False, False, message, beyond=beyond, place=words)
+            )
+
+    def _target(self, record: Summary) -> Target:
+        where, words = (record.half_width, record.segments), self._words(_known(record))
+        return Target(*where, record.label, True, record.certified, record.message, place=words)
+
+    def _words(self, place: Mapping[str, float]) -> str:
+        """A place by the parameters that the schedule moves; nothing where that is the half-width alone."""
+        moved = {HALF_WIDTH, *(name for leg in self.config.schedule for name in leg.to)}
+        if moved == {HALF_WIDTH}:
+            return ""
+        return place_name({name: place[name] for name in place if name in moved})
+
+
+def _known(state: Summary) -> dict[str, float]:
+    """The parameters of a stored state."""
+    return {name: value or 0.0 for name, value in state.parameters.items()}
 
 
 def _place(state: State) -> tuple[float, int]:
@@ -332,7 +352,3 @@ def _is_everted(config: Config, given: Given | None) -> bool:
     from ..recipes.eversion import not_everted
 
     return config.half_twists == 0 and not_everted(given.state) is None
-
-
-def _target(record: Summary) -> Target:
-    return Target(record.half_width, record.segments, record.label, True, record.certified, record.message)

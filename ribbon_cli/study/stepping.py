@@ -1,41 +1,50 @@
-"""A step from a state: to another width, halved where it fails, or to another number of segments."""
+"""A step from a state: to other parameters, halved where it fails, or to another number of segments."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 
 from ..facts import Event, event
-from ..model.band import Array, State
+from ..model.band import Array, Band, State
 from ..model.folding import ClosureError
 from ..model.problem import Problem
-from ..solver.continuation import Move, to_segments, to_width
+from ..parts import HALF_WIDTH
+from ..solver.continuation import Move, to_band, to_segments
 from ..solver.kinship import another_minimum
 from ..solver.status import Result, Status
 from ..solver.tracking import PARTS
 from ..store import Summary
 from .acceptance import converged
-from .failure import Failure
-from .plan import MOST_HALVINGS, width_name, width_steps
+from .failure import Failure, fold_facts, halved_kind, way_facts
+from .plan import MOST_HALVINGS, Goal
 from .records import multipliers_of, state_of
 from .walk import Ended, Stage, Walk
 
 
-def width_step(
+def step_to(
     walk: Walk,
     state: State,
     multipliers: Array,
-    half_width: float,
+    target: Mapping[str, float],
     parts: int = PARTS,
     before: tuple[Event, ...] = (),
 ) -> Ended | Failure:
-    """The minimum at another width that a state's branch leads to; `parts` as in `to_width`."""
-    move = to_width(state, multipliers, half_width, walk.options, parts)
+    """The minimum at other parameters that a state's branch leads to; `parts` as in `to_band`."""
+    move = to_band(state, multipliers, moved(state.band, target), walk.options_from(state), parts)
     result = walk.checked(move.result)
     if result.status is Status.MINIMUM:
         return _moved(move, result, before)
-    facts = {"start": state.band.half_width, "end": half_width}
+    facts = way_facts(state.band.parameters, target)
     return Failure("step", result.status, result.detail, facts, attempt=_moved(move, result))
+
+
+def moved(band: Band, target: Mapping[str, float]) -> Band:
+    """The band with parameters at other values."""
+    for name, value in target.items():
+        band = band.with_parameter(name, value)
+    return band
 
 
 def refined(
@@ -44,7 +53,7 @@ def refined(
     """The equilibrium on another number of segments that a state's shape leads to."""
     state = state_of(walk.journal.load(start))
     try:
-        move = to_segments(state, segments, walk.options, splitting=splitting)
+        move = to_segments(state, segments, walk.options_from(state), splitting=splitting)
     except ClosureError as error:
         return Failure("refinement", None, str(error), {"stage": stage})
     result = walk.checked(move.result)
@@ -65,71 +74,67 @@ def _moved(move: Move, result: Result, before: tuple[Event, ...] = ()) -> Ended:
 
 
 def longest_step(
-    walk: Walk, before: Summary | None, current: Summary, b: float, visit: int
+    walk: Walk, before: Summary | None, current: Summary, goal: Goal
 ) -> tuple[Summary | None, Failure | None]:
-    """Compute and store the longest step towards width b that works; also why none does, if none does.
+    """Compute and store the longest step towards a goal that works; also why none does, if none does.
 
-    `before` is the state from which a halved step towards b led to the current one, None if none did. A state
-    at b that is reached without a certificate is stored, and returned with the failure.
+    `before` is the state from which a halved step towards it led to the current one, None if none did. A
+    state at the goal that is reached without a certificate is stored, and returned with the failure.
     """
     record = walk.journal.load(current)
     state, multipliers = state_of(record), multipliers_of(record)
-    names = width_steps(current.half_width, b, visit)
+    ways = goal.ways(state.band.parameters)
+    targets = dict(ways)
     stages = [
-        Stage(name, width, current.segments, "equilibrium" if width == b else "intermediate", current.label)
-        for name, width in names
+        _stage(name, target, current, "equilibrium" if k == 0 else "intermediate")
+        for k, (name, target) in enumerate(ways)
     ]
     # Doubts are resolved down to one length, however often the step itself was halved.
     parts = {stage.name: max(0, PARTS - halvings) for halvings, stage in enumerate(stages)}
     needed = walk.needed(stages)
     reached, failures = walk.longest(
-        stages[_first_candidate(before, current, b) :] if needed is stages else needed,
-        lambda stage, events: width_step(
-            walk, state, multipliers, stage.half_width, parts[stage.name], events
+        stages[_first_candidate(before, current, goal) :] if needed is stages else needed,
+        lambda stage, events: step_to(
+            walk, state, multipliers, targets[stage.name], parts[stage.name], events
         ),
-        lambda stage, why: event("width-halved", **why.values, why=why.message),
+        lambda stage, why: event(f"{halved_kind(targets[stage.name])}-halved", **why.values, why=why.message),
     )
     if reached is not None:
         return reached, None
-    return _given_up(walk, current, b, visit, failures)
+    return _given_up(walk, current, goal, failures)
+
+
+def _stage(name: str, target: Mapping[str, float], start: Summary, kind: str) -> Stage:
+    return Stage(name, target.get(HALF_WIDTH, start.half_width), start.segments, kind, start.label)
 
 
 def _given_up(
-    walk: Walk, current: Summary, b: float, visit: int, failures: tuple[Failure, ...]
+    walk: Walk, current: Summary, goal: Goal, failures: tuple[Failure, ...]
 ) -> tuple[Summary | None, Failure]:
-    """Why no step towards a width succeeds, with the state at that width if one was reached uncertified."""
+    """Why no step towards a goal succeeds, with the state there if one was reached uncertified."""
     beyond = [why.values["end"] for why in failures if why.status is Status.LEFT_BRANCH]
-    if beyond:
-        facts = {
-            "near": 0.5 * (current.half_width + beyond[-1]),
-            "start": current.half_width,
-            "end": b,
-            "label": current.label,
-            "state": f"{walk.journal.run.short_name}:{current.label}",
-        }
+    if beyond and goal.one is not None:
+        here, end = current.parameters[goal.one] or 0.0, goal.to[goal.one]
+        facts = fold_facts(walk.journal.run.short_name, current, goal.one, here, end, beyond[-1])
         return None, Failure("fold", Status.LEFT_BRANCH, "", facts)
-    whole = failures[0]
-    why = replace(
-        whole,
-        kind="width",
-        values={"start": current.half_width, "end": b},
-        smaller="a schedule with more widths",
-    )
-    end = whole.attempt
-    if end is None or not (converged(end.result) and end.problem.band.half_width == b):
+    facts = way_facts(current.parameters, goal.to)
+    why = replace(failures[0], kind="way", values=facts, smaller="a schedule with more steps")
+    if goal.one == HALF_WIDTH:
+        why = replace(why, smaller="a schedule with more widths")
+    end_of = failures[0].attempt
+    if end_of is None or not (converged(end_of.result) and goal.holds(end_of.problem.band.parameters)):
         return None, why
-    stage = Stage(width_name(b, visit), b, current.segments, "equilibrium", current.label)
-    return walk.store(stage, end), why
+    return walk.store(_stage(goal.name, goal.to, current, "equilibrium"), end_of), why
 
 
-def _first_candidate(before: Summary | None, current: Summary, b: float) -> int:
+def _first_candidate(before: Summary | None, current: Summary, goal: Goal) -> int:
     """Where to begin halving: at twice the step that led here, if that was a halved one.
 
     Read off the stored states, so that a resumed run takes the same steps.
     """
     if before is None:
         return 0
-    last, left = abs(current.half_width - before.half_width), abs(b - current.half_width)
+    last, left = goal.distance(before.parameters, current.parameters), goal.distance(current.parameters)
     if last == 0.0 or left <= 2.0 * last * (1.0 + 1e-9):
         return 0
     return min(MOST_HALVINGS, math.ceil(math.log2(left / (2.0 * last)) - 1e-9))

@@ -8,18 +8,20 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from ..facts import Event
 from ..store import BranchRecord, Run, Summary
 from ..store.events import GIVEN_UP
 from .clock import Clock, Origin
-from .failure import Failure
+from .failure import Failure, way_facts
 from .journal import Journal
 from .progress import Progress
+from .progress import Stage as Begun
 
 if TYPE_CHECKING:
     from ..config import SpectrumRequest
+    from ..model.band import State
     from ..model.problem import Problem
     from ..solver.newton import Options
     from ..solver.status import Result
@@ -30,8 +32,8 @@ if TYPE_CHECKING:
 class Stage:
     """One stage: its name, which is its key in the run, the place it aims at, the state it begins at.
 
-    Where `start` is given, the half-width that a step begins at, the log keeps that the step failed, and
-    another pass does not try it again.
+    Where `start` is given, the parameters that a step to `target` begins at, the log keeps that the step
+    failed, and another pass does not try it again.
     """
 
     name: str
@@ -40,15 +42,16 @@ class Stage:
     kind: str
     parent: int | None = None
     parent_ref: str | None = None
-    start: float | None = None
+    start: Mapping[str, float | None] | None = None
+    target: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class Ended:
     """Where a stage's solve ended, and how it came there.
 
-    `events` are told when the end is stored, those `before` have been told. `changes` are fields of the
-    record that do not follow from the result. `clock` is set by the walk.
+    `events` are told when the end is stored, those `before` have been told. `changes` is a
+    dataclass with fields of the record that do not follow from the result. `clock` is set by the walk.
     """
 
     problem: Problem
@@ -57,7 +60,7 @@ class Ended:
     events: tuple[Event, ...] = ()
     before: tuple[Event, ...] = ()
     branch: BranchRecord | None = None
-    changes: Mapping[str, Any] = field(default_factory=dict)
+    changes: object = None
     clock: Clock | None = None
 
 
@@ -92,10 +95,19 @@ class Walk:
 
         return options_for(self.half_twists, self.progress)
 
+    def options_from(self, start: State) -> Options:
+        """Options of a solve that begins at a state: a strip with ends must not pass through itself."""
+        if start.band.closed:
+            return self.options
+        from .acceptance import strip_guard
+
+        return replace(self.options, guard=strip_guard(start))
+
     def begin(self, stage: str, half_width: float, segments: int) -> None:
         """Announce a stage."""
         self._index += 1
-        self.progress.stage(stage, self._index, max(self._total, self._index), half_width, segments)
+        total = max(self._total, self._index)
+        self.progress(Begun(stage, self._index, total, half_width, segments))
 
     def tell(self, stage: str, events: Iterable[object]) -> None:
         """Note what happened in a stage."""
@@ -147,8 +159,7 @@ class Walk:
         if stage.start is None:
             return None
         kept = self.journal.given_up(stage.name, stage.parent)
-        facts = {"start": stage.start, "end": stage.half_width}
-        return None if kept is None else Failure("step", *kept, facts)
+        return None if kept is None else Failure("step", *kept, way_facts(stage.start, stage.target))
 
     def store(self, stage: Stage, end: Ended) -> Summary:
         """Store a stage's end and the saddles that it left; equilibria get their spectra."""
@@ -222,10 +233,6 @@ class Touching(Protocol):
     """A state on a branch, of which it is known whether it touches itself."""
 
     @property
-    def half_width(self) -> float:
-        """Its half-width."""
-
-    @property
     def self_contact(self) -> bool:
         """Whether facets meet."""
 
@@ -234,14 +241,14 @@ S = TypeVar("S", bound=Touching)
 
 
 def bracketed(
-    free: S, touching: S, within: float, step: Callable[[S, float], S | Failure]
+    free: S, touching: S, within: float, place: Callable[[S], float], step: Callable[[S, float], S | Failure]
 ) -> tuple[S, S, Failure | None]:
-    """Halve the step between two states to `within` in b, each half taken from the free end.
+    """Halve the step between two states to `within` in their `place`, each half taken from the free end.
 
     Also why it could not be halved further, where a step fails.
     """
-    while abs(touching.half_width - free.half_width) > within:
-        middle = step(free, 0.5 * (free.half_width + touching.half_width))
+    while abs(place(touching) - place(free)) > within:
+        middle = step(free, 0.5 * (place(free) + place(touching)))
         if isinstance(middle, Failure):
             return free, touching, middle
         free, touching = (free, middle) if middle.self_contact else (middle, touching)

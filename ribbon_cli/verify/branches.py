@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..model.problem import Problem
-from ..solver.arclength import Tangent, point_at, product, tangent_from
+from ..solver.arclength import Tangent, point_at, tangent_from
 from ..solver.kkt import FactorisationError
 from ..solver.singular import lowest_mode
 from ..store import StateRecord
@@ -33,7 +33,7 @@ def check_branch(record: StateRecord, problem: Problem, x: np.ndarray) -> Iterat
         yield f"/branch/arclength is {branch.arclength:.10g}"
     point = point_at(problem, x, multipliers_of(record))
     stored = Tangent(branch.tangent.ravel(), np.zeros(problem.rows), branch.half_width_rate)
-    size = product(problem.band, stored, stored)
+    size = point.product(stored, stored)
     if not abs(size - 1.0) <= TANGENT:
         yield f"/branch/tangent has the squared length {size:.10g}, with half_width_rate"
         return
@@ -42,8 +42,8 @@ def check_branch(record: StateRecord, problem: Problem, x: np.ndarray) -> Iterat
             found = tangent_from(point, stored)
         except FactorisationError:
             return
-        off = Tangent(found.x - stored.x, stored.multipliers, found.half_width - stored.half_width)
-        error = float(np.sqrt(product(problem.band, off, off)))
+        off = Tangent(found.x - stored.x, stored.multipliers, found.value - stored.value)
+        error = float(np.sqrt(point.product(off, off)))
         if not error <= TANGENT:
             yield f"/branch/tangent with half_width_rate is off by {error:.1e}"
     lowest = lowest_mode(point) if branch.lowest_eigenvalue is not None else None

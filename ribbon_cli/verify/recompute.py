@@ -28,7 +28,6 @@ from ..solver.inertia import inertia
 from ..solver.kkt import FactorisationError, KKTMatrix
 from ..solver.linear import Factor
 from ..solver.newton import Options
-from ..solver.saddle_free import lagrangian_gradient
 from ..solver.status import STATIONARY, Result, Status
 from ..store import Run, StateRecord, find_run, list_runs, names_state, resolve_state
 from ..store.verification import Checked, Finding, check_file, check_folder, check_states
@@ -124,13 +123,14 @@ def _findings(record: StateRecord) -> Iterator[str]:
         multipliers,
         problem.state(x),
         problem.energy(x),
-        left["kkt_residual"],
-        left["constraint_residual"],
+        left.kkt_residual,
+        left.constraint_residual,
         record.negative_eigenvalues,
         record.newton_steps,
     )
-    again = derive(Reached(problem, result, record.kind, record.stage, record.method, record.half_twists))
-    slack = residual_slack(problem, local, x, multipliers)
+    reached = Reached(problem, result, record.kind, record.stage, record.method, record.half_twists)
+    again = vars(derive(reached))
+    slack = vars(residual_slack(problem, local, x, multipliers))
     for name, value in (again | _closed_up(record, state_of(record), again)).items():
         yield from _compare(record, name, value, slack)
     yield from _kind(record, status, problem)
@@ -163,8 +163,8 @@ def _two_pieces(record: StateRecord) -> Iterator[str]:
     walk[half:] += middle - turn @ middle - walk[half]
     pieces = Pieces(record.u, record.g, record.xi, walk, turn @ cut, cut)
     made = constructed(joined)
-    again = derive(Reached(Problem(joined.band), made, record.kind, record.stage, record.method, 0))
-    again |= in_two_pieces(joined, pieces)
+    whole = derive(Reached(Problem(joined.band), made, record.kind, record.stage, record.method, 0))
+    again = vars(whole) | vars(in_two_pieces(joined, pieces))
     for name, value in (again | _closed_up(record, joined, again)).items():
         yield from _compare(record, name, value, {"g_end": ROUNDING, "constraint_residual": ROUNDING})
 
@@ -192,28 +192,32 @@ def problem_of(record: StateRecord) -> Problem:
     return Problem(band, Prescription(rulings, record.g_end if seam else None))
 
 
-def residuals(problem: Problem, local: LocalDerivatives, multipliers: Array) -> dict[str, float]:
-    """Both residuals of a point, by their names in a record."""
-    gradient = lagrangian_gradient(problem, local, multipliers)
-    return {
-        "kkt_residual": float(np.abs(gradient).max()),
-        "constraint_residual": float(np.abs(local.constraints / problem.weights).max()),
-    }
+@dataclass(frozen=True)
+class Residuals:
+    """Both residuals of a point, or a number for each, by their names in a record."""
+
+    kkt_residual: float
+    constraint_residual: float
 
 
-def residual_slack(
-    problem: Problem, local: LocalDerivatives, x: Array, multipliers: Array
-) -> dict[str, float]:
+def residuals(problem: Problem, local: LocalDerivatives, multipliers: Array) -> Residuals:
+    """Both residuals of a point."""
+    gradient = problem.lagrangian_gradient(local, multipliers)
+    constraints = local.constraints / problem.weights
+    return Residuals(float(np.abs(gradient).max()), float(np.abs(constraints).max()))
+
+
+def residual_slack(problem: Problem, local: LocalDerivatives, x: Array, multipliers: Array) -> Residuals:
     """How far rounding alone may move the residuals, by their largest terms."""
     jacobian = abs(problem.jacobian_matrix(local))
     forces = float((jacobian.T @ np.abs(multipliers)).max()) + float(np.abs(local.gradient).max())
     rulings = float(np.abs(x.reshape(-1, 7)[:, 3:6]).max())
     band = problem.band
     terms = max(1.0, float(row_weights(band).max()), band.half_width / band.h) * max(1.0, rulings) ** 2
-    return {"kkt_residual": ROUNDING * forces, "constraint_residual": ROUNDING * terms}
+    return Residuals(ROUNDING * forces, ROUNDING * terms)
 
 
-def _compare(record: StateRecord, name: str, value: object, slack: dict[str, float]) -> Iterator[str]:
+def _compare(record: StateRecord, name: str, value: object, slack: Mapping[str, float]) -> Iterator[str]:
     """A line if a stored field is not the recomputed one."""
     stored = getattr(record, name)
     if isinstance(value, bool | int):

@@ -176,8 +176,8 @@ def _equations(record: StateRecord) -> Iterator[_Check]:
     problem = problem_of(record)
     x, multipliers = state_of(record).vector(), multipliers_of(record)
     local = problem.local_derivatives(x, multipliers)
-    slack = residual_slack(problem, local, x, multipliers)
-    for name, found in residuals(problem, local, multipliers).items():
+    slack = vars(residual_slack(problem, local, x, multipliers))
+    for name, found in vars(residuals(problem, local, multipliers)).items():
         excess = found - (1.0 + 1e-3) * getattr(record, name)
         yield _Check(f"/certificate/{name}", 0.0 if excess <= slack[name] else excess, slack[name])
 
