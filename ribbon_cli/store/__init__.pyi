@@ -27,3 +27,4 @@ from .root import runs_root as runs_root
 from .run import Run as Run
 from .summaries import BranchSummary as BranchSummary
 from .summaries import Summary as Summary
+from .summaries import varying as varying
