@@ -28,6 +28,7 @@ FILES = ("state", "auxiliary", "branch", "in-two-pieces", "pack", "vtkhdf", "ser
 WITHOUT_SCALES = ("vtkhdf", "series")
 ENGINES: dict[str, dict[str, Any]] = {"h5netcdf": {"phony_dims": "access"}, "netcdf4": {}}
 """xarray's engines for HDF5; axes without a scale get names that h5netcdf wants to be asked for."""
+EACH_ENGINE = ["h5netcdf", pytest.param("netcdf4", marks=pytest.mark.peers)]
 
 
 @pytest.fixture(scope="module")
@@ -99,7 +100,7 @@ def test_a_pack_attaches_what_its_states_do(kind, solved, tmp_path):  # noqa: F8
         assert len(within) > 15
 
 
-@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("engine", EACH_ENGINE)
 @pytest.mark.parametrize("name", FILES)
 def test_xarray_reads_every_group(name, engine, files):
     with h5py.File(files[name]) as file:
@@ -124,7 +125,7 @@ def test_xarray_reads_every_group(name, engine, files):
     assert opened == {}
 
 
-@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("engine", EACH_ENGINE)
 def test_xarray_takes_a_packed_state_as_the_state(engine, files):
     record = Run.open(FROZEN).load(2)
     n, within = record.segments, "states/0002"

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-pytest.importorskip("casadi")
-
 from bench import run
 from bench.machine import machine, versions
+
+pytestmark = pytest.mark.peers
 
 
 def test_a_quick_benchmark_writes_its_document(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
