@@ -28,7 +28,7 @@ from ribbon_cli.store import (
     layout_markdown,
     write_atomic,
 )
-from ribbon_cli.store.hdf5 import decode_bytes
+from ribbon_cli.store.hdf5 import _blank, decode_bytes
 from ribbon_cli.store.layout import BRANCH, DIMENSIONS, SPECTRUM, STATE, dimensions_markdown
 
 FORMAT_PAGE = Path(__file__).parent.parent / "docs" / "format.md"
@@ -94,6 +94,19 @@ def test_the_same_record_gives_the_same_bytes_at_another_time_and_in_another_pro
     here = str(Path(__file__).parent)
     other = subprocess.run([sys.executable, "-c", code], cwd=here, capture_output=True, check=True)
     assert other.stdout == first
+
+
+def test_bytes_do_not_depend_on_what_was_encoded_before():
+    """Neither on the first of a layout, nor on others of the same and of other layouts before it."""
+    records = [make_record(), make_record(2, message="", stage="b = 0.25"), make_record(n=11), make_record(3)]
+    records.append(make_record(4, events=(), event_kinds=(), spectra=()))
+    first = []
+    for record in records:
+        _blank.cache_clear()
+        first.append(encode(record))
+    for _ in range(2):
+        assert [encode(record) for record in reversed(records)] == first[::-1]
+    assert _blank.cache_info().hits > len(records)
 
 
 def test_reencoding_what_was_read_gives_the_same_bytes(stored):
