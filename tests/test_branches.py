@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import signal
 from dataclasses import replace
 from pathlib import Path
@@ -122,11 +123,19 @@ def test_killed_and_resumed_a_branch_has_the_same_bytes(fold_run, tmp_path):
     assert content_hashes(tmp_path / "runs") == expected
 
 
+@pytest.fixture(scope="module")
+def one_run(tmp_path_factory):
+    """A folder of runs, in which one holds the second minimum alone."""
+    folder = tmp_path_factory.mktemp("one")
+    (folder / "one.yaml").write_text(CONFIG.replace("name: fold", "name: one").replace("widths:", "#"))
+    ribbon_json("solve", folder / "one.yaml", "--runs", folder / "runs", "-q")
+    return folder / "runs"
+
+
 @pytest.fixture
-def given(tmp_path):
-    """A run that holds the second minimum alone; the options that name it."""
-    (tmp_path / "one.yaml").write_text(CONFIG.replace("name: fold", "name: one").replace("widths:", "#"))
-    ribbon_json("solve", tmp_path / "one.yaml", "--runs", tmp_path / "runs", "-q")
+def given(one_run, tmp_path):
+    """A copy of that run to go on from: the options that name it."""
+    shutil.copytree(one_run, tmp_path / "runs")
     return ("--runs", tmp_path / "runs", "-q")
 
 
