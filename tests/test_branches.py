@@ -170,9 +170,10 @@ def test_continue_from_a_saddle(given):
     assert (back["points"][-1]["index_before"], back["points"][-1]["index_after"]) == (1, 0)
 
 
-def test_natural_continuation_stops_before_the_fold(given, monkeypatch):
+@pytest.mark.parametrize("to", ["0.114", pytest.param("0.2", marks=pytest.mark.branches)])
+def test_natural_continuation_stops_before_the_fold(given, monkeypatch, to):
     """It keeps its last good state, and says what it met and what would go on."""
-    document = ribbon_json("continue", "one:1", "--to", "0.2", *given, code=3)
+    document = ribbon_json("continue", "one:1", "--to", to, *given, code=3)
     assert document["end"]["reason"] == "step-too-small"
     assert "seems to turn back (fold) near b = 0.112" in document["end"]["message"]
     assert "--arclength goes on around folds" in document["end"]["message"]
@@ -180,7 +181,7 @@ def test_natural_continuation_stops_before_the_fold(given, monkeypatch):
     assert document["points"][-1]["half_width"] == document["end"]["half_width"] > 0.11
     assert {point["status"] for point in document["points"]} == {"minimum"}
     monkeypatch.setattr(stepping, "to_width", None)  # what failed is kept, and is not tried again
-    again = ribbon_json("continue", "one:1", "--to", "0.2", *given, code=3)
+    again = ribbon_json("continue", "one:1", "--to", to, *given, code=3)
     assert (again["new_states"], again["end"]) == (0, document["end"])
 
 
