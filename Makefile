@@ -22,7 +22,7 @@ PIP := $(BIN)/python -m pip -qq --disable-pip-version-check
 .DELETE_ON_ERROR:
 FIGURES := $(addprefix figure-3.,1 2 3 4 5 6 7 8 9 10 11 12 13 14)
 .PHONY: help setup table-3.1 paper $(FIGURES) gallery checkerboard everted-cylinder everted-moebius docs
-.PHONY: test test-docs test-minimum test-package test-browser test-readers test-peers test-large test-branches test-faults lint bench same-as clean
+.PHONY: test test-long test-docs test-minimum test-package test-browser test-readers test-peers test-large test-branches test-faults lint bench same-as clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z][a-z0-9.-]*\):.*## \(.*\)/make \1|\2/p' Makefile | awk -F'|' '{printf "%-17s %s\n", $$1, $$2}'
@@ -59,11 +59,14 @@ docs: $(READY_DOCS) ## build the documentation as a site: build/site/index.html
 test: $(READY_TEST) ## run the test suite; its long forms have targets of their own
 	@$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile
 
+test-long: $(READY_TEST) ## run further cases and longer ways of what the test suite tries
+	@$(BIN)/python -m pytest -m "long and not peers" -n auto --maxprocesses 4
+
 test-docs: $(READY_TEST) ## run the examples of the reference and background pages
 	@$(BIN)/python -m pytest -m docs -n auto --maxprocesses 4
 
 test-minimum: $(MINIMUM)/ready ## run the quick tests on the lowest supported versions
-	@$(MINIMUM)/bin/python -m pytest -m "not slow and not docs and not large and not faults and not browser and not branches and not package and not readers and not peers" \
+	@$(MINIMUM)/bin/python -m pytest -m "not slow and not docs and not large and not faults and not browser and not branches and not package and not readers and not peers and not long" \
 		--ignore=tests/test_resume.py --ignore=tests/test_study.py --ignore=tests/test_table_3_1.py \
 		--ignore=tests/test_export_formats.py --ignore=tests/test_export_bands.py \
 		--ignore=tests/test_hdf5_readers.py --ignore=tests/test_api_door.py --ignore=tests/test_notebook.py \

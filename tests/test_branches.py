@@ -259,6 +259,7 @@ def test_continue_refuses_in_one_line(given, words, message):
     assert message in result.stderr
 
 
+@pytest.mark.long
 def test_branches_that_cross_are_followed_to_both_sides(tmp_path):
     """The everted cylinder at N = 40 loses stability without a fold near b = 0.09986, at a pitchfork."""
     (tmp_path / "everted.yaml").write_text(EVERTED)

@@ -25,6 +25,7 @@ DATA = Path(__file__).parent / "data"
 FROZEN = DATA / "format-1.1" / "frozen-branch-e83cb1ed"
 OLD_PACK = DATA / "pack-1.0" / "frozen-branch.pack.h5"
 FILES = ("state", "auxiliary", "branch", "in-two-pieces", "pack", "vtkhdf", "series")
+QUICK, LONG = ("state", "pack"), ("auxiliary", "branch", "in-two-pieces", "vtkhdf", "series")
 WITHOUT_SCALES = ("vtkhdf", "series")
 ENGINES: dict[str, dict[str, Any]] = {"h5netcdf": {"phony_dims": "access"}, "netcdf4": {}}
 """xarray's engines for HDF5; axes without a scale get names that h5netcdf wants to be asked for."""
@@ -101,7 +102,7 @@ def test_a_pack_attaches_what_its_states_do(kind, solved, tmp_path):  # noqa: F8
 
 
 @pytest.mark.parametrize("engine", EACH_ENGINE)
-@pytest.mark.parametrize("name", FILES)
+@pytest.mark.parametrize("name", [*QUICK, *(pytest.param(f, marks=pytest.mark.long) for f in LONG)])
 def test_xarray_reads_every_group(name, engine, files):
     with h5py.File(files[name]) as file:
         arrays = {path: item[()] for path, item in objects(file, h5py.Dataset).items()}

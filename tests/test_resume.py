@@ -62,7 +62,9 @@ def test_killed_again_and_again(left_alone, tmp_path):
     assert solve(tmp_path) == expected
 
 
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
+@pytest.mark.parametrize(
+    ("number", "code"), [(signal.SIGTERM, 143), pytest.param(signal.SIGINT, 130, marks=pytest.mark.long)]
+)
 def test_stopped_by_a_signal(left_alone, tmp_path, number, code):
     expected, _ = left_alone
     (tmp_path / "mobius.yaml").write_text(SMALL)
@@ -73,6 +75,7 @@ def test_stopped_by_a_signal(left_alone, tmp_path, number, code):
     assert solve(tmp_path) == expected
 
 
+@pytest.mark.long
 def test_a_finished_run_is_left_as_it_is(left_alone, tmp_path):
     (tmp_path / "mobius.yaml").write_text(SMALL)
     expected = solve(tmp_path)

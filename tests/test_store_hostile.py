@@ -128,7 +128,11 @@ def test_a_second_line_on_a_state_is_noticed_and_dropped(folder):
 
 
 REST = ("resolved.yaml", "config.yaml", "lock.holder")
-PIPES = ["log.jsonl", "lock.claim", *(pytest.param(name, marks=pytest.mark.faults) for name in REST)]
+PIPES = [
+    "log.jsonl",
+    pytest.param("lock.claim", marks=pytest.mark.long),
+    *(pytest.param(name, marks=pytest.mark.faults) for name in REST),
+]
 
 
 @pytest.mark.parametrize("name", PIPES)
