@@ -153,6 +153,7 @@ def test_outputs_are_really_compared() -> None:
     assert not matches("a\n", "a\nb\n")
 
 
+@pytest.mark.docs
 def test_table_3_1_is_what_the_command_prints(tmp_path: Path) -> None:
     """The excerpt's lines, solved for at their widths, without spectra to be quick."""
     (excerpt,) = [b.text for b in blocks(ROOT / "README.md") if b.language == "text" and "thesis" in b.text]

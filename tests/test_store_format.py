@@ -29,7 +29,7 @@ from ribbon_cli.store import (
     encode,
     write_atomic,
 )
-from ribbon_cli.store.hdf5 import decode_bytes
+from ribbon_cli.store.hdf5 import _blank, decode_bytes
 from ribbon_cli.store.layout import BRANCH, DIMENSIONS, ENDS, LOADS, MATERIAL, SPECTRUM, STATE
 from ribbon_cli.store.record import REACTIONS
 
@@ -97,6 +97,19 @@ def test_the_same_record_gives_the_same_bytes_at_another_time_and_in_another_pro
     here = str(Path(__file__).parent)
     other = subprocess.run([sys.executable, "-c", code], cwd=here, capture_output=True, check=True)
     assert other.stdout == first
+
+
+def test_bytes_do_not_depend_on_what_was_encoded_before():
+    """Neither on the first of a layout, nor on others of the same and of other layouts before it."""
+    records = [make_record(), make_record(2, message="", stage="b = 0.25"), make_record(n=11), make_record(3)]
+    records.append(make_record(4, events=(), event_kinds=(), spectra=()))
+    first = []
+    for record in records:
+        _blank.cache_clear()
+        first.append(encode(record))
+    for _ in range(2):
+        assert [encode(record) for record in reversed(records)] == first[::-1]
+    assert _blank.cache_info().hits > len(records)
 
 
 def test_reencoding_what_was_read_gives_the_same_bytes(stored):
