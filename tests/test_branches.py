@@ -180,26 +180,26 @@ def test_natural_continuation_stops_before_the_fold(given, monkeypatch, to):
     assert document["end"]["half_width"] < FOLD
     assert document["points"][-1]["half_width"] == document["end"]["half_width"] > 0.11
     assert {point["status"] for point in document["points"]} == {"minimum"}
-    monkeypatch.setattr(stepping, "to_width", None)  # what failed is kept, and is not tried again
+    monkeypatch.setattr(stepping, "to_band", None)  # what failed is kept, and is not tried again
     again = ribbon_json("continue", "one:1", "--to", to, *given, code=3)
     assert (again["new_states"], again["end"]) == (0, document["end"])
 
 
 def test_a_step_that_was_halved_is_not_tried_again(given, monkeypatch):
     """Nor is the lock taken: the halves are stored, and the log keeps which steps failed from where."""
-    honest = stepping.to_width
+    honest = stepping.to_band
 
-    def fragile(state, multipliers, half_width, *rest):
-        move = honest(state, multipliers, half_width, *rest)
-        if half_width - state.band.half_width > 0.006:
+    def fragile(state, multipliers, band, *rest):
+        move = honest(state, multipliers, band, *rest)
+        if band.half_width - state.band.half_width > 0.006:
             return replace(move, result=replace(move.result, status=Status.ITERATION_LIMIT))
         return move
 
-    monkeypatch.setattr(stepping, "to_width", fragile)
+    monkeypatch.setattr(stepping, "to_band", fragile)
     words = ("continue", "one:1", "--to", "0.108", *given)
     document = ribbon_json(*words)
     assert [point["type"] for point in document["points"]] == ["step", "width"]
-    monkeypatch.setattr(stepping, "to_width", None)
+    monkeypatch.setattr(stepping, "to_band", None)
     monkeypatch.delattr(Run, "writing")
     again = ribbon_json(*words)
     assert (again["new_states"], again["points"]) == (0, document["points"])

@@ -257,7 +257,7 @@ def test_summaries_have_the_fields_that_the_layout_marks():
     marked = [item.field for item in STATE if item.summary]
     assert [field.name for field in fields(Summary)] == [
         *(*marked, "event_kinds", "branch", "content_sha256"),
-        *("parameters", "bending_energy", *REACTIONS),
+        *("others", "bending_energy", *REACTIONS),
     ]
     on_branch = [item.field for item in BRANCH if item.summary]
     assert [field.name for field in fields(BranchSummary)] == [*on_branch, "parameter"]

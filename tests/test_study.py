@@ -110,15 +110,15 @@ def test_a_step_that_fails_is_halved_and_reported(tmp_path: Path, monkeypatch: p
     from ribbon_cli.solver.status import Status
     from ribbon_cli.study import stepping as module
 
-    honest = module.to_width
+    honest = module.to_band
 
-    def fragile(state, multipliers, half_width, *rest):
-        move = honest(state, multipliers, half_width, *rest)
-        if abs(half_width - state.band.half_width) > 0.06:
+    def fragile(state, multipliers, band, *rest):
+        move = honest(state, multipliers, band, *rest)
+        if abs(band.half_width - state.band.half_width) > 0.06:
             return replace(move, result=replace(move.result, status=Status.ITERATION_LIMIT))
         return move
 
-    monkeypatch.setattr(module, "to_width", fragile)
+    monkeypatch.setattr(module, "to_band", fragile)
     outcome = solve_config(config(SMALL + "widths: [0.4]\n"), tmp_path)
     assert outcome.exit_code == 0
     states = outcome.run.states(all=True)
@@ -169,20 +169,20 @@ def test_a_width_out_of_reach_is_a_failure_that_names_itself(
     from ribbon_cli.solver.status import Status
     from ribbon_cli.study import stepping as module
 
-    honest = module.to_width
+    honest = module.to_band
 
-    def blocked(state, multipliers, half_width, *rest):
-        move = honest(state, multipliers, half_width, *rest)
-        status = Status.LEFT_TOPOLOGY if half_width > 0.35 else move.result.status
+    def blocked(state, multipliers, band, *rest):
+        move = honest(state, multipliers, band, *rest)
+        status = Status.LEFT_TOPOLOGY if band.half_width > 0.35 else move.result.status
         return replace(move, result=replace(move.result, status=status))
 
-    monkeypatch.setattr(module, "to_width", blocked)
+    monkeypatch.setattr(module, "to_band", blocked)
     outcome = solve_config(config(SMALL + "widths: [0.3, 0.4, 0.5]\nrefinement: [20, 40]\n"), tmp_path)
     assert outcome.exit_code == 3
     assert [t.reached for t in outcome.targets] == [True, True, False, False, False, False]
     assert len(outcome.failures) == 4
     assert all("passed through itself" in line for line in outcome.failures)
-    monkeypatch.setattr(module, "to_width", honest)
+    monkeypatch.setattr(module, "to_band", honest)
     assert (
         solve_config(config(SMALL + "widths: [0.3, 0.4, 0.5]\nrefinement: [20, 40]\n"), tmp_path).exit_code
         == 0
@@ -196,13 +196,13 @@ def test_a_schedule_that_ended_does_not_come_back(tmp_path: Path, monkeypatch: p
     from ribbon_cli.solver.status import Status
     from ribbon_cli.study import stepping as module
 
-    honest = module.to_width
+    honest = module.to_band
 
     def blocked(*args):
         move = honest(*args)
         return replace(move, result=replace(move.result, status=Status.STALLED))
 
-    monkeypatch.setattr(module, "to_width", blocked)
+    monkeypatch.setattr(module, "to_band", blocked)
     outcome = solve_config(config(SMALL + "widths: [0.3, 0.4, 0.3]\n"), tmp_path)
     assert [t.reached for t in outcome.targets] == [True, False, False]
 
@@ -253,8 +253,8 @@ def test_contact_ends_a_schedule_if_asked_to(tmp_path: Path, monkeypatch: pytest
 
     honest = records.self_contact
 
-    def touching(u, g, g_end, half_width, h):
-        found = honest(u, g, g_end, half_width, h)
+    def touching(u, g, g_end, half_width, h, **how):
+        found = honest(u, g, g_end, half_width, h, **how)
         return Contact(half_width > 0.35, found.pairs, found.clearance)
 
     monkeypatch.setattr(records, "self_contact", touching)

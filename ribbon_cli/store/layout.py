@@ -206,7 +206,8 @@ STATE = _items((
     ("/multipliers/gamma", "float64", "xyz", "", "(1.58)",
      "closure force, multiplier of the integral of d'"),
     ("/multipliers/lambda_end", "float64", "", "o", "",
-     "multiplier of (u_N - t_B).g_{N+1} / h at a strip's end; absent: a closed band, or a free end"),
+     "multiplier of a strip's end row, (t_B - u_N).g_{N+1}, of a free end |g_{N+1}|^2 - (g_{N+1}.u_N)^2 - 1; "
+     "absent: a closed band"),
     ("/reactions/reaction_force", "float64", "xyz", "o", "",
      "force that what holds the end exerts on an open strip, in the start's frame; absent: a closed band"),
     ("/reactions/reaction_moment", "float64", "xyz", "o", "",

@@ -51,7 +51,7 @@ class Natural:
         points = tuple(course_point(record, kind) for record, kind in self.met)
         last = self.met[-1][0] if self.met else self.start
         width = end.value if self.name == HALF_WIDTH else last.half_width
-        where = (width, message, self.name, end.value)
+        where = (width, message, self.name, None if self.name == HALF_WIDTH else end.value)
         return Course(name, self.start.label, points, end.reason.value, *where)
 
     def _value(self, state: Summary) -> float:
