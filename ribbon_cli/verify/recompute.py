@@ -108,7 +108,9 @@ def verify_record(record: StateRecord) -> list[str]:
 
 
 def _findings(record: StateRecord) -> Iterator[str]:
-    if record.sigma != (-1 if record.half_twists % 2 else 1):
+    if record.sigma == 0 and record.half_twists:
+        yield f"a strip with ends has half_twists = {record.half_twists}"
+    elif record.sigma and record.sigma != (-1 if record.half_twists % 2 else 1):
         yield f"sigma is {record.sigma}, but {record.half_twists} half-twists make it {-record.sigma}"
     if record.cut_node is not None:
         yield from _two_pieces(record)  # no state of the model, but made of one
@@ -283,7 +285,7 @@ def _certificate(record: StateRecord, result: Result) -> Iterator[str]:
         yield f"certified with negative_eigenvalues = {record.negative_eigenvalues}"
     if record.inverted_facets:
         yield f"certified with {record.inverted_facets} inverted facets"
-    closed = record.kind != "auxiliary"
+    closed = record.kind != "auxiliary" and record.parts.ends is None
     if closed and not abs(record.linking_number - 0.5 * record.half_twists) <= EXACT_TOLERANCE:
         wanted = record.half_twists / 2
         yield f"certified, but Lk is {record.linking_number:.6g} where {wanted:g} is asked for"
