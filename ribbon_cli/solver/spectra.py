@@ -80,7 +80,7 @@ def sliding_covector(problem: Problem, x: Array, mass: scipy.sparse.csr_matrix, 
         if gram.trace() > 1e-9 * mass.diagonal().max():
             tangent = tangent - rotations @ np.linalg.solve(gram, rotations.T @ (mass @ tangent))
     size = float(lengths(mass, tangent[:, None])[0])
-    if size < 1e-6 * reach:
+    if size <= 1e-6 * reach:
         return np.zeros(problem.size)
     out: Array = (mass @ tangent) / size
     return out
@@ -166,7 +166,7 @@ def _assemble(
         tuple((["rotation"] * count + labels)[k] for k in order),
         joined(overlaps),
         joined(hidden),
-        np.ascontiguousarray(every[:, stored].T).reshape(stored.size, -1, 7),
+        np.ascontiguousarray(every[:, stored].T).reshape(stored.size, x.size // 7, 7),
     )
 
 
