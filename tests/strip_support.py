@@ -53,7 +53,9 @@ def walked(start: Result, steps: int = 1, **targets: float) -> Result:
     for k in range(1, steps + 1):
         there = found.state.band
         for name, value in targets.items():
-            there = there.with_parameter(name, value if k == steps else first[name] + (value - first[name]) * k / steps)
+            there = there.with_parameter(
+                name, value if k == steps else first[name] + (value - first[name]) * k / steps
+            )
         found = to_band(found.state, found.multipliers, there, Options()).result
         assert found.certified, found.message
     return found
