@@ -1,56 +1,80 @@
-"""Small solved runs of open strips, made once a session: `sheared`, `cantilever` and `branch`."""
+"""Open strips that the tests of model and solver share: made, solved, and walked through parameters."""
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
-import pytest
+from numpy.typing import NDArray
 
-from ribbon_cli import solve
-from ribbon_cli.config import parse_config
+from ribbon_cli.model.band import Band, Discretisation, State
+from ribbon_cli.model.problem import Problem
+from ribbon_cli.model.reactions import Reactions, reactions
+from ribbon_cli.parts import Ends, Loads, Material, Parts
+from ribbon_cli.recipes.strip import CARD
+from ribbon_cli.solver.continuation import to_band, to_segments
+from ribbon_cli.solver.newton import Options, solve
+from ribbon_cli.solver.status import Result
 
-SHEARED = """
-name: sheared
-topology: open
-length: 1
-discretisation: value-average
-ends: {span: 0.75}
-initial_guess: {recipe: strip, segments: 20, half_width: 0.05}
-schedule:
-  - {shear: {to: 0.06, steps: 2}}
-  - {half_width: 0.06}
-refinement: [20, 40]
-spectrum: {modes: 4, full_up_to: 20}
-"""
-CANTILEVER = """
-name: cantilever
-topology: open
-length: 1
-discretisation: value-average
-ends: {end: free}
-loads: {end_force: [0, 0.1, 0]}
-initial_guess: {recipe: strip, segments: 20, half_width: 0.05}
-schedule: [{end_force_y: {to: 0.2, steps: 2}}]
-spectrum: {modes: 4, full_up_to: 0}
-"""
-BRANCH = """
-name: branch
-topology: open
-length: 1
-discretisation: value-average
-ends: {start: hinged, end: hinged, span: 0.7}
-initial_guess: {recipe: strip, segments: 20, half_width: 0.05}
-schedule: [{arclength: {parameter: span, to: 0.65}}]
-spectrum: {modes: 4, full_up_to: 0}
-"""
+Array = NDArray[np.float64]
+HALF_WIDTH = 0.05
+LENGTH = 1.0
 
 
-@pytest.fixture(scope="session")
-def strips(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of these runs."""
-    root = tmp_path_factory.mktemp("strips")
-    with np.errstate(all="raise", under="ignore"):
-        for text in (SHEARED, CANTILEVER, BRANCH):
-            solve(parse_config(text, "test"), runs=root)
-    return root
+def band(
+    segments: int,
+    ends: Ends,
+    *,
+    half_width: float = HALF_WIDTH,
+    loads: Loads | None = None,
+    material: Material | None = None,
+    rule: Discretisation = Discretisation.THESIS,
+) -> Band:
+    """A strip of length 1."""
+    parts = Parts(ends, material or Material(), loads or Loads())
+    return Band(segments, half_width, LENGTH, 0, rule, parts)
+
+
+def planar(strip: Band) -> Result:
+    """The minimum next to the recipe's guess."""
+    guess = CARD.way(strip, 0, {}).ready
+    assert guess is not None
+    return minimum(guess)
+
+
+def minimum(guess: State) -> Result:
+    """The minimum next to a state."""
+    found = solve(Problem(guess.band), guess.vector(), None, Options())
+    assert found.certified, found.message
+    return found
+
+
+def walked(start: Result, steps: int = 1, **targets: float) -> Result:
+    """The minimum at other parameters, in equal steps."""
+    first, found = start.state.band.parameters, start
+    for k in range(1, steps + 1):
+        there = found.state.band
+        for name, value in targets.items():
+            there = there.with_parameter(
+                name, value if k == steps else first[name] + (value - first[name]) * k / steps
+            )
+        found = to_band(found.state, found.multipliers, there, Options()).result
+        assert found.certified, found.message
+    return found
+
+
+def refined(start: Result, segments: int) -> Result:
+    """The minimum on another number of segments."""
+    found = to_segments(start.state, segments, Options()).result
+    assert found.certified, found.message
+    return found
+
+
+def reactions_of(found: Result) -> Reactions:
+    """The reactions of a solved strip."""
+    return reactions(Problem(found.state.band), found.x, found.multipliers)
+
+
+def orders(errors: list[float] | Array) -> Array:
+    """Observed orders of errors, N doubling."""
+    sizes = np.abs(np.asarray(errors))
+    out: Array = np.log2(sizes[:-1] / sizes[1:])
+    return out

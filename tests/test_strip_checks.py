@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from cli_support import content_hashes, ribbon, ribbon_json, run, spawn, stop_after
 from picture_support import run_named, states_of
-from strip_support import SHEARED, strips
+from strip_runs import SHEARED, strips
 
 from ribbon_cli.analysis.stability import stability_of
 from ribbon_cli.model.strip_symmetry import strip_symmetries

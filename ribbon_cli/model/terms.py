@@ -5,11 +5,12 @@ from __future__ import annotations
 from .band import Band
 from .bending import NaturalCurvature
 from .end_force import EndForce
+from .free_corner import FreeCorner
 from .gravity import Gravity
 from .point_force import PointForce
 from .term import Term
 
-TERMS: tuple[type[Term], ...] = (NaturalCurvature, Gravity, EndForce, PointForce)
+TERMS: tuple[type[Term], ...] = (NaturalCurvature, Gravity, FreeCorner, EndForce, PointForce)
 
 
 def terms_of(band: Band) -> tuple[Term, ...]:

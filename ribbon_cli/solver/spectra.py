@@ -80,7 +80,7 @@ def sliding_covector(problem: Problem, x: Array, mass: scipy.sparse.csr_matrix, 
         if gram.trace() > 1e-9 * mass.diagonal().max():
             tangent = tangent - rotations @ np.linalg.solve(gram, rotations.T @ (mass @ tangent))
     size = float(lengths(mass, tangent[:, None])[0])
-    if size < 1e-6 * reach:
+    if size <= 1e-6 * reach:
         return np.zeros(problem.size)
     out: Array = (mass @ tangent) / size
     return out

@@ -32,6 +32,7 @@ from ..solver.status import STATIONARY, Result, Status
 from ..store import Run, StateRecord, find_run, list_runs, names_state, resolve_state
 from ..store.verification import Checked, Finding, check_file, check_folder, check_states
 from ..study.records import Reached, constructed, derive, multipliers_of, state_of
+from ..text import in_a_line
 from .branches import check_branch
 from .spectra import check_spectra, check_values
 
@@ -103,7 +104,7 @@ def verify_record(record: StateRecord) -> list[str]:
         with np.errstate(all="ignore"):
             return list(_findings(record))
     except _ARITHMETIC as error:
-        return [f"cannot be recomputed: {' '.join(str(error).split()) or type(error).__name__}"]
+        return [f"cannot be recomputed: {in_a_line(error)}"]
 
 
 def _findings(record: StateRecord) -> Iterator[str]:
