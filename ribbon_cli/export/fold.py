@@ -10,15 +10,17 @@ mountains: the angles differ in sign.
 from __future__ import annotations
 
 import json
+import math
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ribbon_cli.errors import UsageError
-from ribbon_cli.export.mesh import check_shape, is_closed
+from ribbon_cli.export.mesh import check_shape, end_angle, is_closed
 from ribbon_cli.export.pattern import fold_angles
 from ribbon_cli.export.sheet import fold_kind
+from ribbon_cli.parts import CLAMPED
 from ribbon_cli.store import StateRecord, Summary
 
 Array = NDArray[np.float64]
@@ -50,12 +52,13 @@ def fold_bytes(record: StateRecord, title: str, run: str | None) -> bytes:
         "frame_attributes": ["2D", *shared],
         "frame_unit": "unit",
         **_seam(record),
+        **_ends(record),
         "vertices_coords": flat.reshape(-1, 2).tolist(),
         **_faces(record.segments),
         **_edges(record),
     }
     space = {
-        "frame_title": "band in space",
+        "frame_title": "band in space" if record.parts.ends is None else "strip in space",
         "frame_classes": ["foldedForm"],
         "frame_attributes": ["3D", *shared],
         "frame_parent": 0,
@@ -126,6 +129,24 @@ def _seam(record: StateRecord) -> dict[str, Any]:
     }
 
 
+def _ends(record: StateRecord) -> dict[str, Any]:
+    """How an open strip is held at its two ends, and its folds there against the clamps."""
+    ends = record.parts.ends
+    if ends is None:
+        return {}
+    found = {}
+    for name, held, edge, angle in (
+        ("start", ends.start, 0, float(fold_angles(record)[0])),
+        ("end", ends.end, record.segments, end_angle(record)),
+    ):
+        degrees = math.degrees(angle)
+        kind = ASSIGNMENTS[fold_kind(degrees)]
+        found[name] = {"edge": edge, "held": held}
+        if held == CLAMPED:
+            found[name] |= {"assignment": kind, "foldAngle": 0.0 if kind == "F" else -degrees}
+    return {"frame_ribbon:ends": found}
+
+
 def _description(record: StateRecord) -> str:
     """Which side is up, and what the seam does."""
     words = (
@@ -133,6 +154,8 @@ def _description(record: StateRecord) -> str:
         "counterclockwise seen from the side to which tangent x ruling points, the printed side of ribbon's "
         "fold pattern; valleys and mountains are seen from there."
     )
+    if record.parts.ends is not None:
+        return f"{words} The strip is open: frame_ribbon:ends says how it is held, and its folds at clamps."
     if not is_closed(record):
         return f"{words} The strip is open."
     words += " The band is cut at its seam: frame_ribbon:seam says which edges and vertices are joined."

@@ -6,12 +6,14 @@ the edge d_i + b g_i, so that x(alpha, s) = d(alpha) + s g(alpha), |s| <= b, Kol
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ribbon_cli.errors import UsageError
+from ribbon_cli.parts import CLAMPED
 from ribbon_cli.store import StateRecord
 
 Array = NDArray[np.float64]
@@ -72,6 +74,8 @@ class Strip:
 
 def is_closed(record: StateRecord) -> bool:
     """Whether the two ends of the strip meet: closed midline, g_{N+1} = sigma g_1, not cut elsewhere."""
+    if record.parts.ends is not None:
+        return False
     gap = np.abs(record.midline[-1] - record.midline[0]).max() / record.length
     turn = np.abs(record.g_end - record.sigma * record.g[0]).max()
     return bool(gap <= CLOSED and turn <= CLOSED and record.cut_node is None)
@@ -129,21 +133,51 @@ def facet_normals(record: StateRecord) -> Array:
 
 
 def field_values(record: StateRecord, name: str) -> Array:
-    """A field (N,) of a state, not-a-number where the band is cut and the field is one of folds.
+    """A field (N,) of a state, not-a-number where a band is cut and the field is one of folds.
 
-    What is stored there is of the strip as if it were closed.
+    What is stored there is of the strip as if it were closed. At the ends of an open strip there are folds.
     """
     values: Array = getattr(record, name)
-    if name in FOLD_FIELDS and (places := cuts(record)):
+    if record.parts.ends is None and name in FOLD_FIELDS and (places := cuts(record)):
         values = values.copy()
         values[list(places)] = np.nan
     return values
 
 
 def node_fields(record: StateRecord, rulings: Strip) -> dict[str, Array]:
-    """Node fields (R,) at the rulings, not-a-number at those that end a piece: these are no nodes."""
-    ends = np.full(len(rulings.last), np.nan)
-    return {name: np.append(field_values(record, name), ends) for name in NODE_FIELDS}
+    """Node fields (R,) at the rulings, not-a-number at those that end a piece: these are no nodes.
+
+    An open strip has a fold at its end ruling.
+    """
+    found = {}
+    for name in NODE_FIELDS:
+        ends = np.full(len(rulings.last), end_value(record, name))
+        found[name] = np.append(field_values(record, name), ends)
+    return found
+
+
+def end_angle(record: StateRecord) -> float:
+    """The fold angle in radians of an open strip against its end's clamp, over half a cell; 0 without one."""
+    ends = record.parts.ends
+    if ends is None or ends.end != CLAMPED:
+        return 0.0
+    cosine = math.cos(ends.tilt)
+    after = np.array([-math.sin(ends.tilt), cosine * math.cos(ends.twist), cosine * math.sin(ends.twist)])
+    before = facet_normals(record)[-1]
+    axis = record.g_end / np.linalg.norm(record.g_end)
+    return math.atan2(float(np.cross(before, after) @ axis), float(before @ after))
+
+
+def end_value(record: StateRecord, name: str) -> float:
+    """A node field at the end ruling of an open strip; not-a-number where it has none, or there is no end."""
+    ends = record.parts.ends
+    if ends is None or name not in FOLD_FIELDS:
+        return math.nan
+    eta = float(record.u[-1] @ record.g_end)
+    kappa = record.parts.material.natural_curvature
+    if ends.end == CLAMPED:
+        kappa = 2.0 * end_angle(record) * record.segments / (record.length * math.sqrt(1.0 + eta * eta))
+    return {"kappa_s": kappa, "tau": kappa * eta, "eta": eta}[name]
 
 
 def facet_fields(record: StateRecord) -> dict[str, Array]:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 
 from ribbon_cli.errors import UsageError
 from ribbon_cli.export.pattern import Pattern
+from ribbon_cli.parts import CLAMPED
 from ribbon_cli.text import visible
 
 Point = tuple[float, float]
@@ -48,6 +49,12 @@ COLOURS = {
 }
 """What is done along a line, and its colour; no two are alike."""
 DASHES = {"mountain": "6 1.5 1 1.5", "valley": "3 1.5", "flat": "0.5 2", "glue": "1 1"}
+HOLDS = {
+    "clamped": "its flap lies in a clamp up to the fold",
+    "hinged": "a hinge holds its line",
+    "free": "free",
+}
+"""What becomes of an end of a strip."""
 WORDS = {
     "cut": "cut",
     "mountain": "mountain fold",
@@ -163,20 +170,48 @@ def strip_lines(pattern: Pattern) -> Iterator[Line]:
     glued to, and on a one-sided band, whose end is seen from the other side, it is the opposite one.
     """
     first, last, tab = pattern.first.tolist(), pattern.last.tolist(), pattern.tab.tolist()
+    width = min(FOLD_WIDTH, 0.4 * _step(pattern))
+    if pattern.held is not None:
+        yield from _held_lines(pattern, width)
+        return
     ends = {"data-angle": repr(pattern.seam)}
     yield Line("cut", first[0], first[1], CUT_WIDTH, {"data-end": "first"} | ends)
     for k in range(2):
         yield Line("cut", first[k], last[k], CUT_WIDTH)
     for k in range(3):
         yield Line("cut", tab[k], tab[k + 1], CUT_WIDTH)
-    width = min(FOLD_WIDTH, 0.4 * _step(pattern))
     yield Line(fold_kind(pattern.sigma * pattern.seam), last[0], last[1], width, {"data-end": "last"} | ends)
-    for k, (fold, angle) in enumerate(zip(pattern.folds.tolist(), pattern.angles.tolist(), strict=True)):
-        data = {"data-node": str(k + 2), "data-angle": repr(angle)}
-        yield Line(fold_kind(angle), fold[0], fold[1], width, data)
+    yield from _fold_lines(pattern, width)
     for part in (0.25, 0.5, 0.75):
         upper, lower = (_between(tab[k], tab[m], part) for k, m in ((0, 1), (3, 2)))
         yield Line("glue", _between(upper, lower, 0.1), _between(upper, lower, 0.9), GLUE_WIDTH)
+
+
+def _fold_lines(pattern: Pattern, width: float) -> Iterator[Line]:
+    """The folds at nodes 2 to N."""
+    for k, (fold, angle) in enumerate(zip(pattern.folds.tolist(), pattern.angles.tolist(), strict=True)):
+        data = {"data-node": str(k + 2), "data-angle": repr(angle)}
+        yield Line(fold_kind(angle), fold[0], fold[1], width, data)
+
+
+def _held_lines(pattern: Pattern, width: float) -> Iterator[Line]:
+    """The lines of a strip with ends: at a clamp a fold, and a flap that the clamp takes; else it is cut."""
+    assert pattern.held is not None
+    first, last = pattern.first.tolist(), pattern.last.tolist()
+    for k in range(2):
+        yield Line("cut", first[k], last[k], CUT_WIDTH)
+    for name, held, ruling, flap, angle in (
+        ("first", pattern.held[0], first, pattern.start_tab.tolist(), pattern.seam),
+        ("last", pattern.held[1], last, pattern.tab.tolist(), pattern.end),
+    ):
+        data = {"data-end": name, "data-held": held}
+        if held == CLAMPED:
+            for k in range(3):
+                yield Line("cut", flap[k], flap[k + 1], CUT_WIDTH)
+            yield Line(fold_kind(angle), ruling[0], ruling[1], width, data | {"data-angle": repr(angle)})
+        else:
+            yield Line("cut", ruling[0], ruling[1], CUT_WIDTH, data)
+    yield from _fold_lines(pattern, width)
 
 
 def _between(a: Point, b: Point, part: float) -> Point:
@@ -218,7 +253,10 @@ def _step(pattern: Pattern) -> float:
 
 
 def _glue(pattern: Pattern) -> str:
-    """How the ends come together."""
+    """How the ends come together, or are held."""
+    if pattern.held is not None:
+        start, end = (HOLDS[kind] for kind in pattern.held)
+        return f"Start, left: {start}. End: {end}."
     twists, matched = pattern.half_twists, "A to A, B to B"
     if not twists:
         if pattern.sigma > 0:
@@ -234,12 +272,16 @@ def labels(pattern: Pattern, page: Page) -> list[Text]:
     b = pattern.half_width
     swapped = pattern.sigma < 0
     size = min(4.0, 0.35 * b)
-    out = [
-        Text((pattern.first[0, 0] + 0.8 * size, b - 1.4 * size), "A", size),
-        Text((pattern.first[1, 0] + 0.8 * size, -b + 0.7 * size), "B", size),
-        Text((pattern.last[0, 0] + 0.4 * size, b - 1.6 * size), "B" if swapped else "A", size),
-        Text((pattern.last[1, 0] + 0.4 * size, -b + 1.6 * size), "A" if swapped else "B", size),
-    ]
+    out = (
+        _held_words(pattern, size)
+        if pattern.held
+        else [
+            Text((pattern.first[0, 0] + 0.8 * size, b - 1.4 * size), "A", size),
+            Text((pattern.first[1, 0] + 0.8 * size, -b + 0.7 * size), "B", size),
+            Text((pattern.last[0, 0] + 0.4 * size, b - 1.6 * size), "B" if swapped else "A", size),
+            Text((pattern.last[1, 0] + 0.4 * size, -b + 1.6 * size), "A" if swapped else "B", size),
+        ]
+    )
     every = max(1, math.ceil(LABEL_ROOM / _step(pattern)))
     for k in range(every - 1, len(pattern.angles), every):
         (x1, _), (x2, _) = pattern.folds[k].tolist()
@@ -247,6 +289,18 @@ def labels(pattern: Pattern, page: Page) -> list[Text]:
     if page.count > 1:
         out = [item for item in out if page.left - 1 <= item.place[0] <= page.right + 1]
     return out
+
+
+def _held_words(pattern: Pattern, size: float) -> list[Text]:
+    """How each end is held, written beside it on the strip."""
+    assert pattern.held is not None
+    start, end = pattern.held
+    high = pattern.half_width - 1.4 * size
+    back = LETTER_WIDTH * size * len(end) + 0.8 * size
+    return [
+        Text((pattern.first[0, 0] + 0.8 * size, high), start, size),
+        Text((pattern.last[0, 0] - back, high), end, size),
+    ]
 
 
 def _legend(pattern: Pattern, page: Page) -> tuple[list[Line], list[Text], float]:

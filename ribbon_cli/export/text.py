@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from ribbon_cli.export.mesh import FACET_FIELDS, NODE_FIELDS, field_values
+from ribbon_cli.export.mesh import FACET_FIELDS, NODE_FIELDS, end_value, field_values
+from ribbon_cli.parts import HALF_WIDTH
 from ribbon_cli.store import StateRecord, Summary, content_sha256
 from ribbon_cli.store.log import to_json
 from ribbon_cli.text import visible
@@ -29,7 +30,8 @@ _OF_STATE = (
 
 
 def csv_bytes(record: StateRecord, run: str | None) -> bytes:
-    """The fields as CSV with its header in the first line, one row for node i and facet i.
+    """The fields as CSV with its header in the first line, one row for node i and facet i; of an open
+    strip one more for its end, with nothing of a facet.
 
     `alpha_node` and `alpha_facet` say where the two lie: fields of a node stand left of those of its facet.
     The last columns are of the state, the same in every row: readers take lines of `#` for data. Numbers are
@@ -50,17 +52,34 @@ def csv_bytes(record: StateRecord, run: str | None) -> bytes:
     state = {"run": run or "", "label": record.label}
     state |= {name: visible(getattr(record, name)) for name in ("kind", "status")}
     state |= {name: getattr(record, name) for name in _OF_STATE}
+    if record.parts.ends is not None:
+        _end_row(record, columns)
+        state["twist_plus_writhe"] = state.pop("linking_number")
+        state |= {name: value for name, value in record.parameters.items() if name != HALF_WIDTH}
+        state["bending_energy"] = record.energy if record.bending_energy is None else record.bending_energy
     state["content_sha256"] = content_sha256(record)
-    columns |= {name: [value] * record.segments for name, value in state.items()}
+    columns |= {name: [value] * len(columns["i"]) for name, value in state.items()}
     writer.writerow(columns)
     writer.writerows(zip(*columns.values(), strict=True))
     return out.getvalue().encode()
+
+
+def _end_row(record: StateRecord, columns: dict[str, list[Any]]) -> None:
+    """Add the row of an open strip's end ruling, behind which there is no facet."""
+    row = {"i": record.segments + 1, "alpha_node": record.length}
+    row |= {f"midline_{axis}": record.midline[-1, k].item() for k, axis in enumerate("xyz")}
+    row |= {f"g_{axis}": record.g_end[k].item() for k, axis in enumerate("xyz")}
+    row |= {name: end_value(record, name) for name in NODE_FIELDS}
+    for name, values in columns.items():
+        values.append(row.get(name, ""))
 
 
 def json_bytes(record: StateRecord, run: str | None) -> bytes:
     """What `ribbon show --json` says of a state, with its arrays under `arrays` and its `spectra`."""
     document = Summary.of(record).listed(run)
     document["arrays"] = {name: getattr(record, name).tolist() for name in (*_ARRAYS, *_MULTIPLIERS)}
+    if record.parts.ends is not None:
+        document["lambda_end"] = record.lambda_end
     document["spectra"] = {
         spectrum.metric: {
             "complete": spectrum.complete,

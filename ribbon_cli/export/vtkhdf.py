@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ribbon_cli.export.mesh import Array, facet_fields, facet_normals, node_fields, strip
+from ribbon_cli.parts import HALF_WIDTH
 from ribbon_cli.store import StateRecord
 
 QUAD = 9
@@ -24,7 +25,8 @@ SCALARS = ("half_width", "length", "energy", "linking_number", "twist", "writhe"
 
 
 def vtkhdf_bytes(records: Sequence[StateRecord], title: str) -> bytes:
-    """States in the order given, one time step each; a step's time is its half-width.
+    """States in the order given, one time step each; a step's time is its half-width, or the one other
+    parameter in which the states differ. Where they differ in several it is the step's number.
 
     Points have the fields at nodes and `across` (-1 and +1 at the two edges), cells those at facets, the unit
     normal and the facet's number. The same states give the same bytes.
@@ -35,8 +37,17 @@ def vtkhdf_bytes(records: Sequence[StateRecord], title: str) -> bytes:
         root.attrs["Version"] = np.array([2, 0], dtype=np.int64)
         root.attrs["Type"] = np.bytes_(b"UnstructuredGrid")
         root.attrs["Description"] = np.bytes_(title.encode())
-        _write(root, [_step(record) for record in records], [record.half_width for record in records])
+        _write(root, [_step(record) for record in records], _times(records))
     return buffer.getvalue()
+
+
+def _times(records: Sequence[StateRecord]) -> list[float]:
+    """What tells the states from each other, as a number."""
+    rows = [record.parameters for record in records]
+    differing = [name for name in rows[0] if len({row.get(name) for row in rows}) > 1]
+    if len(differing) > 1:
+        return [float(k) for k in range(len(rows))]
+    return [row[differing[0] if differing else HALF_WIDTH] for row in rows]
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +66,7 @@ def _step(record: StateRecord) -> _Step:
     cells: dict[str, NDArray[Any]] = dict(facet_fields(record))
     cells |= {"normal": facet_normals(record), "facet": np.arange(1, record.segments + 1)}
     facts = {name: np.array([getattr(record, name)], dtype=np.float64) for name in SCALARS}
+    facts |= {name: np.array([value]) for name, value in record.parameters.items() if name != HALF_WIDTH}
     facts |= {name: np.array([int(getattr(record, name))]) for name in ("label", "certified", "self_contact")}
     return _Step(mesh.points, mesh.quads, {"PointData": points, "CellData": cells, "FieldData": facts})
 

@@ -40,6 +40,8 @@ def draw_pattern(axes: Axes, pattern: Pattern, style: Style) -> None:
     # The seam to the flap is a fold too, seen from the other side on a one-sided band.
     folds = np.concatenate((pattern.folds, pattern.last[None]))
     angles = np.append(pattern.angles, pattern.sigma * pattern.seam)
+    if pattern.held is not None:
+        folds, angles = _with_clamps(pattern)
     sharpest = float(np.abs(angles).max()) or 1.0
     # Dashes that are shorter than a line is wide run together: of many folds, letters tell which they are.
     dense = len(pattern.angles) > FEW_FOLDS
@@ -63,17 +65,31 @@ def draw_pattern(axes: Axes, pattern: Pattern, style: Style) -> None:
         label = f"{name} fold" + (f" ({name[0].upper()})" if dense else "")
         axes.plot([], [], color=colour, linestyle="-" if dense else dashes, label=label)
         if dense:
-            _letters(axes, pattern, chosen[:-1], name[0].upper(), colour)
+            _letters(axes, pattern, chosen[: len(pattern.angles)], name[0].upper(), colour)
     flat = np.abs(angles) <= FLAT_DEGREES
     if flat.any():
         axes.add_collection(LineCollection(list(folds[flat]), colors=GREY, linewidths=style.thin))
     # The flap is cut with the strip, and folded against it.
-    outline = np.vstack((pattern.first[0], pattern.tab, pattern.first[::-1]))
+    start = pattern.start_tab if len(pattern.start_tab) else pattern.first
+    end = pattern.tab if len(pattern.tab) else pattern.last
+    outline = np.vstack((start[0], end, start[::-1]))
     axes.plot(*outline.T, color=INK, label="cut")
-    axes.fill(*pattern.tab.T, facecolor="#dddddd", zorder=0, label="flap for glue")
+    label = "flap for glue" if pattern.held is None else "flap in a clamp"
+    for flap in (pattern.tab, pattern.start_tab):
+        if len(flap):
+            axes.fill(*flap.T, facecolor="#dddddd", zorder=0, label=label)
+            label = "_"
     axes.set_aspect("equal")
     axes.margins(0.01)
     axes.axis("off")
+
+
+def _with_clamps(pattern: Pattern) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The folds (k, 2, 2) of a strip and their angles (k,), those at its clamps last."""
+    flaps = ((pattern.start_tab, pattern.first, pattern.seam), (pattern.tab, pattern.last, pattern.end))
+    clamps = [(ruling, angle) for flap, ruling, angle in flaps if len(flap)]
+    folds = np.concatenate((pattern.folds, *(ruling[None] for ruling, _ in clamps)))
+    return folds, np.append(pattern.angles, [angle for _, angle in clamps])
 
 
 def _letters(axes: Axes, pattern: Pattern, chosen: NDArray[np.bool_], letter: str, colour: str) -> None:
