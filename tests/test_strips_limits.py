@@ -92,9 +92,11 @@ def test_the_limits_under_both_rules_agree(name: str, tmp_path: Path, figure: Ca
     by_rule = [limits(name, rule.value, tmp_path) for rule in Discretisation]
     for place in by_rule[0]:
         one, other = (found[place] for found in by_rule)
-        figure(f"{place}: {one.energy:.9g} +- {one.error:.1e}, {other.energy:.9g} +- {other.error:.1e}")
+        assert one.energy is not None
         assert one.error is not None
+        assert other.energy is not None
         assert other.error is not None
+        figure(f"{place}: {one.energy:.9g} +- {one.error:.1e}, {other.energy:.9g} +- {other.error:.1e}")
         assert max(one.error, other.error) < 1e-4 * one.energy
         assert abs(one.energy - other.energy) <= one.error + other.error
         assert one.energy == pytest.approx(LIMITS[place], abs=one.error + 1e-6)
