@@ -5,6 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 # Stamps: what is installed in .venv. They are made again when pyproject.toml changes.
 READY := $(VENV)/ready
+READY_TEST := $(VENV)/ready-test
 READY_DEV := $(VENV)/ready-dev
 READY_BENCH := $(VENV)/ready-bench
 READY_DOCS := $(VENV)/ready-docs
@@ -23,7 +24,7 @@ PIP := $(BIN)/python -m pip -qq --disable-pip-version-check
 .DELETE_ON_ERROR:
 FIGURES := $(addprefix figure-3.,1 2 3 4 5 6 7 8 9 10 11 12 13 14)
 .PHONY: help setup table-3.1 paper $(FIGURES) gallery checkerboard everted-cylinder everted-moebius docs
-.PHONY: test test-docs test-minimum test-package test-browser test-readers test-large test-branches test-faults test-auto lint bench same-as clean
+.PHONY: test test-long test-docs test-minimum test-package test-browser test-readers test-peers test-large test-branches test-faults test-auto lint bench same-as clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z][a-z0-9.-]*\):.*## \(.*\)/make \1|\2/p' Makefile | awk -F'|' '{printf "%-17s %s\n", $$1, $$2}'
@@ -57,14 +58,17 @@ docs: $(READY_DOCS) ## build the documentation as a site: build/site/index.html
 	@$(BIN)/python -m sphinx -q -W --keep-going -E -c docs/site . build/site
 	@echo build/site/index.html
 
-test: $(READY_DEV) ## run the whole test suite
+test: $(READY_TEST) ## run the test suite; its long forms have targets of their own
 	@$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile
 
-test-docs: $(READY_DEV) ## run the examples of the reference and background pages
+test-long: $(READY_TEST) ## run further cases and longer ways of what the test suite tries
+	@$(BIN)/python -m pytest -m "long and not peers" -n auto --maxprocesses 4
+
+test-docs: $(READY_TEST) ## run the examples of the reference and background pages
 	@$(BIN)/python -m pytest -m docs -n auto --maxprocesses 4
 
 test-minimum: $(MINIMUM)/ready ## run the quick tests on the lowest supported versions
-	@$(MINIMUM)/bin/python -m pytest -m "not slow and not docs and not large and not faults and not browser and not branches and not package and not readers and not auto" \
+	@$(MINIMUM)/bin/python -m pytest -m "not slow and not docs and not large and not faults and not browser and not branches and not package and not readers and not peers and not long and not auto" \
 		--ignore=tests/test_resume.py --ignore=tests/test_study.py --ignore=tests/test_table_3_1.py \
 		--ignore=tests/test_export_formats.py --ignore=tests/test_export_bands.py \
 		--ignore=tests/test_hdf5_readers.py --ignore=tests/test_api_door.py --ignore=tests/test_notebook.py \
@@ -76,19 +80,22 @@ test-package: $(READY_DEV) ## build wheel and sdist, install each in empty envir
 	@PACKAGE_PYTHONS="$(PACKAGE_PYTHONS)" $(BIN)/python -m pytest -m package -rs --durations=0 \
 		-o tmp_path_retention_policy=failed tests/package
 
-test-browser: $(READY_DEV) docs ## open the HTML viewer and the site in headless Chromium (apt install chromium)
+test-browser: $(READY_TEST) docs ## open the HTML viewer and the site in headless Chromium (apt install chromium)
 	@$(BIN)/python -m pytest -m browser tests/browser
 
-test-readers: $(READY_DEV) $(READERS)/ready ## open files in other programs: h5dump, and readers of FOLD and glTF from npm (apt install hdf5-tools npm)
+test-readers: $(READY_TEST) $(READERS)/ready ## open files in other programs: h5dump, and readers of FOLD and glTF from npm (apt install hdf5-tools npm)
 	@$(BIN)/python -m pytest -m readers
 
-test-large: $(READY_DEV) ## inertia, dense algebra and Lanczos at N = 400 and 800, a few minutes
+test-peers: $(READY_DEV) ## compare with VTK, netCDF4, SymPy and CasADi, which take a gigabyte
+	@$(BIN)/python -m pytest -m peers tests/peers tests/test_hdf5_readers.py
+
+test-large: $(READY_TEST) ## inertia, dense algebra and Lanczos at N = 400 and 800, a few minutes
 	@$(BIN)/python -m pytest -m large
 
-test-branches: $(READY_DEV) ## follow 300 random branches: none ends in an error, none certifies falsely
+test-branches: $(READY_TEST) ## follow 300 random branches: none ends in an error, none certifies falsely
 	@$(BIN)/python -m pytest -m branches -n auto --maxprocesses 4
 
-test-faults: $(READY_DEV) ## run the long fault tests of the store: kills, failing calls, crash images, damage
+test-faults: $(READY_TEST) ## run the long fault tests of the store: kills, failing calls, crash images, damage
 	@$(BIN)/python -m pytest -m faults -n auto --maxprocesses 4 --durations=0
 
 test-auto: $(READY_DEV) $(AUTO)/ready ## compare folds and branch points with AUTO-07p, a minute (apt install gfortran)
@@ -115,10 +122,15 @@ $(READY): pyproject.toml
 	@$(call install,.)
 	@touch $@
 
+$(READY_TEST): pyproject.toml
+	@$(new-venv)
+	@$(call install,'.[test]')
+	@touch $@ $(READY)
+
 $(READY_DEV): pyproject.toml
 	@$(new-venv)
-	@$(call install,'.[dev$(comma)bench]')
-	@touch $@ $(READY) $(READY_BENCH)
+	@$(call install,'.[dev]')
+	@touch $@ $(READY) $(READY_TEST) $(READY_BENCH)
 
 $(READY_BENCH): pyproject.toml
 	@$(new-venv)
@@ -154,11 +166,12 @@ $(READERS)/ready: tests/readers/package.json
 	@touch $@
 
 # Compiled here: on all cores, and with the package itself, which stays where it is and which pip would leave
-# as it is, so that its commands would start later. What does not compile is no module that anyone imports.
+# as it is, so that its commands would start later. What does not compile is no module that anyone imports, and
+# nobody imports other packages' tests.
 comma := ,
 define install
 $(PIP) install --no-compile --editable $(1) && \
-	{ $(BIN)/python -m compileall -qq -j 0 $(VENV)/lib ribbon_cli > /dev/null || true; }
+	{ $(BIN)/python -m compileall -qq -j 0 -x '/tests/' $(VENV)/lib ribbon_cli > /dev/null || true; }
 endef
 
 # A virtual environment, unless a working one is there; the interpreter is checked before it is used.

@@ -41,7 +41,6 @@ _OTHER = "another minimum, perhaps"
 
 EVENTS = {
     "width-halved": "a step from b = {start:.12g} to {end:.12g} failed, halved: {why}",
-    "step-halved": "a step from {here} to {there} failed, halved: {why}",
     "turn-halved": "a step from {turn} {start:.10g}/{count} to {end:.10g} failed, halved: {why}",
     "step-refused": "a step of {length:.3g} from {symbol} = {start:.12g} was refused: {why}",
     "phase-twin": f"grid phase: {_SADDLE}, its twin with the inflection on a {{phase}} is the minimum",
@@ -68,7 +67,8 @@ EVENTS = {
     "contact-begins": "facets begin to touch at {symbol} = {value:.12g} (bracket {bracket:.1e})",
     "contact-ceases": "facets cease to touch at {symbol} = {value:.12g} (bracket {bracket:.1e})",
     "width-reached": "reached {symbol} = {value:.12g}",
-    "value-reached": "reached {symbol} = {value:.12g}",
+    "value-reached": "came to {symbol} = {value:.12g}",
+    "step-halved": "a step from {here} to {there} failed, halved: {why}",
 }
 """Kinds of events by their words, which files keep, with their sentences."""
 OTHER_MINIMA = frozenset(("another-minimum", "another-minimum-perhaps", "another-minimum-unproved"))

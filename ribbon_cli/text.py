@@ -18,16 +18,15 @@ def visible(text: str, keep: str = "") -> str:
         rest = rest.replace(character, "")
     if rest.isprintable():  # asked of the whole: long tables are nearly always
         return text
-    return "".join(c if c.isprintable() or c in keep or _is_space(c) else _escaped(c) for c in text)
+    return "".join(
+        c if c.isprintable() or c in keep or category(c) == "Zs" else c.encode("unicode_escape").decode()
+        for c in text
+    )
 
 
-def _is_space(character: str) -> bool:
-
-    return category(character) == "Zs"
-
-
-def _escaped(character: str) -> str:
-    return character.encode("unicode_escape").decode("ascii")
+def in_a_line(error: Exception) -> str:
+    """What an error says, on one line; its kind where it says nothing."""
+    return " ".join(str(error).split()) or type(error).__name__
 
 
 def aligned(rows: Sequence[Sequence[str]], left: Container[int] = ()) -> str:

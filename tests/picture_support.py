@@ -11,6 +11,7 @@ from cli_support import QUICK_MOBIUS, QUICK_RING
 
 from ribbon_cli import solve
 from ribbon_cli.config import parse_config
+from ribbon_cli.export.mesh import is_closed
 from ribbon_cli.store import Run, StateRecord
 
 
@@ -38,3 +39,11 @@ def _loaded(path: Path, kind: str) -> tuple[StateRecord, ...]:
     """States of a run that no test changes, read once."""
     run = Run.open(path)
     return tuple(run.load(s.label) for s in run.states(all=True) if s.kind == kind)
+
+
+def written(state: StateRecord, name: str) -> np.ndarray:
+    """A field as files have it: where the seam is open there is no fold at node 1, whatever is stored."""
+    values = getattr(state, name).copy()
+    if not is_closed(state) and name in ("kappa_s", "tau", "eta"):
+        values[0] = np.nan
+    return values

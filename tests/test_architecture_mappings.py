@@ -22,7 +22,8 @@ REASONS = {
         study.walk.Walk.__init__""",
     "settings by their path, of configs of any version": """
         study.config_changes._settings study.config_changes._flat study.config_changes._differences""",
-    "the numbers that a sentence names": "study.failure.Failure",
+    "the numbers that a sentence names": """
+        study.failure.Failure study.failure.fold_facts study.failure.way_facts""",
     "fields of a record by name, whichever they are": """
         verify.recompute._closed_up verify.recompute._compare""",
     "arrays or quantities by name, whichever they are": """
@@ -32,6 +33,12 @@ REASONS = {
     "symmetries by name": "analysis.stability._characters report.spectra.Mode",
     "columns of a table by name": """
         report.tables.records report.tables._record report.tables.csv_text export.text.csv_bytes""",
+    "values of parameters, of those that a problem has or that a leg moves": """
+        report.tables._nested study.failure.halved_kind study.outcome.CoursePoint study.plan.Goal
+        study.plan.Goal.distance study.plan.Goal.holds study.plan.Goal.reached study.plan.Goal.ways
+        study.plan.PlannedStage study.plan._stage study.plan._stays study.plan.goals study.plan.place_name
+        study.solve._Study._levels study.solve._Study._missed study.solve._Study._words study.solve._known
+        study.stepping._stage study.stepping.moved study.stepping.step_to study.walk.Stage""",
     "functions by the name that a user gives": "report.tables plot.kinds",
     "keywords and settings of matplotlib": """
         plot.canvas.Figure._repr_png_ plot.curves._formulas plot.figure.image plot.levels._mark

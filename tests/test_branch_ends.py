@@ -74,6 +74,7 @@ def test_the_same_as_a_config(tmp_path: Path) -> None:
     check_long_steps(course["points"], (course["reason"], course["half_width"]))
 
 
+@pytest.mark.branches
 def test_a_branch_goes_on_past_a_branch_point_far_up(band: Path) -> None:
     """It ended in an internal error at b = 1.6369, where interpolation left residuals of 7.1e-9."""
     words = ("my-band@b=0.5,N=40", "--to", "1.7", "--arclength", "--runs", band, "-q")
@@ -83,6 +84,7 @@ def test_a_branch_goes_on_past_a_branch_point_far_up(band: Path) -> None:
     assert nearest == pytest.approx(1.6369321848, abs=1e-9)
 
 
+@pytest.mark.branches
 def test_a_coarse_band_with_averaged_values(tmp_path: Path) -> None:
     """It ended in an internal error near b = 1.3539."""
     (tmp_path / "coarse.yaml").write_text(COARSE)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import signal
 from dataclasses import replace
 from pathlib import Path
@@ -122,11 +123,19 @@ def test_killed_and_resumed_a_branch_has_the_same_bytes(fold_run, tmp_path):
     assert content_hashes(tmp_path / "runs") == expected
 
 
+@pytest.fixture(scope="module")
+def one_run(tmp_path_factory):
+    """A folder of runs, in which one holds the second minimum alone."""
+    folder = tmp_path_factory.mktemp("one")
+    (folder / "one.yaml").write_text(CONFIG.replace("name: fold", "name: one").replace("widths:", "#"))
+    ribbon_json("solve", folder / "one.yaml", "--runs", folder / "runs", "-q")
+    return folder / "runs"
+
+
 @pytest.fixture
-def given(tmp_path):
-    """A run that holds the second minimum alone; the options that name it."""
-    (tmp_path / "one.yaml").write_text(CONFIG.replace("name: fold", "name: one").replace("widths:", "#"))
-    ribbon_json("solve", tmp_path / "one.yaml", "--runs", tmp_path / "runs", "-q")
+def given(one_run, tmp_path):
+    """A copy of that run to go on from: the options that name it."""
+    shutil.copytree(one_run, tmp_path / "runs")
     return ("--runs", tmp_path / "runs", "-q")
 
 
@@ -161,35 +170,36 @@ def test_continue_from_a_saddle(given):
     assert (back["points"][-1]["index_before"], back["points"][-1]["index_after"]) == (1, 0)
 
 
-def test_natural_continuation_stops_before_the_fold(given, monkeypatch):
+@pytest.mark.parametrize("to", ["0.114", pytest.param("0.2", marks=pytest.mark.branches)])
+def test_natural_continuation_stops_before_the_fold(given, monkeypatch, to):
     """It keeps its last good state, and says what it met and what would go on."""
-    document = ribbon_json("continue", "one:1", "--to", "0.2", *given, code=3)
+    document = ribbon_json("continue", "one:1", "--to", to, *given, code=3)
     assert document["end"]["reason"] == "step-too-small"
     assert "seems to turn back (fold) near b = 0.112" in document["end"]["message"]
     assert "--arclength goes on around folds" in document["end"]["message"]
     assert document["end"]["half_width"] < FOLD
     assert document["points"][-1]["half_width"] == document["end"]["half_width"] > 0.11
     assert {point["status"] for point in document["points"]} == {"minimum"}
-    monkeypatch.setattr(stepping, "to_width", None)  # what failed is kept, and is not tried again
-    again = ribbon_json("continue", "one:1", "--to", "0.2", *given, code=3)
+    monkeypatch.setattr(stepping, "to_band", None)  # what failed is kept, and is not tried again
+    again = ribbon_json("continue", "one:1", "--to", to, *given, code=3)
     assert (again["new_states"], again["end"]) == (0, document["end"])
 
 
 def test_a_step_that_was_halved_is_not_tried_again(given, monkeypatch):
     """Nor is the lock taken: the halves are stored, and the log keeps which steps failed from where."""
-    honest = stepping.to_width
+    honest = stepping.to_band
 
-    def fragile(state, multipliers, half_width, *rest):
-        move = honest(state, multipliers, half_width, *rest)
-        if half_width - state.band.half_width > 0.006:
+    def fragile(state, multipliers, band, *rest):
+        move = honest(state, multipliers, band, *rest)
+        if band.half_width - state.band.half_width > 0.006:
             return replace(move, result=replace(move.result, status=Status.ITERATION_LIMIT))
         return move
 
-    monkeypatch.setattr(stepping, "to_width", fragile)
+    monkeypatch.setattr(stepping, "to_band", fragile)
     words = ("continue", "one:1", "--to", "0.108", *given)
     document = ribbon_json(*words)
     assert [point["type"] for point in document["points"]] == ["step", "width"]
-    monkeypatch.setattr(stepping, "to_width", None)
+    monkeypatch.setattr(stepping, "to_band", None)
     monkeypatch.delattr(Run, "writing")
     again = ribbon_json(*words)
     assert (again["new_states"], again["points"]) == (0, document["points"])
@@ -249,6 +259,7 @@ def test_continue_refuses_in_one_line(given, words, message):
     assert message in result.stderr
 
 
+@pytest.mark.long
 def test_branches_that_cross_are_followed_to_both_sides(tmp_path):
     """The everted cylinder at N = 40 loses stability without a fold near b = 0.09986, at a pitchfork."""
     (tmp_path / "everted.yaml").write_text(EVERTED)

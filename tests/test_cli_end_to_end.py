@@ -201,18 +201,25 @@ def refined(ring, tmp_path_factory):
     "words",
     [
         ["show", "ring@b=0.1"],
-        ["path", "ring@b=0.1"],
-        ["verify", "ring@b=0.1"],
-        ["verify", "ring@b=0.1", "--continuum"],
+        pytest.param(["path", "ring@b=0.1"], marks=pytest.mark.long),
+        pytest.param(["verify", "ring@b=0.1"], marks=pytest.mark.long),
+        pytest.param(["verify", "ring@b=0.1", "--continuum"], marks=pytest.mark.long),
         ["spectrum", "ring@b=0.1"],
-        ["compare", "ring@b=0.1", "ring@b=0.1,N=24"],
-        ["export", "ring@b=0.1", "--to", "npz", "-o", "x.npz", "--overwrite"],
-        ["plot", "ring@b=0.1", "spectrum", "-o", "x.svg", "--overwrite"],
-        ["plot", "ring:1", "spectrum", "--with", "ring@b=0.1", "-o", "x.svg", "--overwrite"],
-        ["refine", "ring@b=0.1", "--to", "24"],
+        pytest.param(["compare", "ring@b=0.1", "ring@b=0.1,N=24"], marks=pytest.mark.long),
+        pytest.param(
+            ["export", "ring@b=0.1", "--to", "npz", "-o", "x.npz", "--overwrite"], marks=pytest.mark.long
+        ),
+        pytest.param(
+            ["plot", "ring@b=0.1", "spectrum", "-o", "x.svg", "--overwrite"], marks=pytest.mark.long
+        ),
+        pytest.param(
+            ["plot", "ring:1", "spectrum", "--with", "ring@b=0.1", "-o", "x.svg", "--overwrite"],
+            marks=pytest.mark.long,
+        ),
+        pytest.param(["refine", "ring@b=0.1", "--to", "24"], marks=pytest.mark.long),
         ["continue", "ring@b=0.1", "--to", "0.11"],
         ["check", "again.yaml"],
-        ["solve", "again.yaml"],
+        pytest.param(["solve", "again.yaml"], marks=pytest.mark.long),
     ],
     ids=" ".join,
 )

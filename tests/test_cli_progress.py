@@ -61,6 +61,7 @@ def test_stages_without_a_step_share_a_line(stderr):
     shown = module.Lines()
     for index in (1, 2, 3):
         shown(Stage(f"twist {index}/3", index, 5, 0.5, 50))
+        shown(Step(0, 1.0, 1e-12))
     shown(Stage("b = 0.8", 4, 5, 0.8, 50))
     shown(Step(1, 1.0, 1e-12))
     shown(Note("one"))

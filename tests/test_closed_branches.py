@@ -56,6 +56,7 @@ def test_what_a_turn_is():
     assert not turns(SimpleNamespace(branch=None))
 
 
+@pytest.mark.long
 def test_the_sliding_branch_is_closed(tmp_path):
     """It joins the two grid phases of the pi band, and goes on to the next facet as it came from the last."""
     (tmp_path / "slide.yaml").write_text(CONFIG)

@@ -28,7 +28,7 @@ from ribbon_cli.config import RECIPES, SpectrumRequest, load_config, parse_confi
 from ribbon_cli.config.table import CONFIG
 from ribbon_cli.report.convergence import Entry
 from ribbon_cli.solver.status import Status
-from ribbon_cli.store.layout import BRANCH, SPECTRUM, STATE
+from ribbon_cli.store.layout import BRANCH, ENDS, LOADS, MATERIAL, SPECTRUM, STATE
 from ribbon_cli.study import solve_config
 
 ROOT = Path(__file__).parent.parent
@@ -153,6 +153,7 @@ def test_outputs_are_really_compared() -> None:
     assert not matches("a\n", "a\nb\n")
 
 
+@pytest.mark.docs
 def test_table_3_1_is_what_the_command_prints(tmp_path: Path) -> None:
     """The excerpt's lines, solved for at their widths, without spectra to be quick."""
     (excerpt,) = [b.text for b in blocks(ROOT / "README.md") if b.language == "text" and "thesis" in b.text]
@@ -253,7 +254,7 @@ def rows(section: str) -> list[str]:
 
 def test_notation_names_every_dataset() -> None:
     named = set(re.findall(r"`(/\w+(?:/\w+)+)`", read(ROOT / "docs" / "notation.md")))
-    assert named == {item.path for item in (*STATE, *SPECTRUM, *BRANCH)}
+    assert named == {item.path for item in (*STATE, *ENDS, *MATERIAL, *LOADS, *SPECTRUM, *BRANCH)}
 
 
 def test_statuses_are_listed() -> None:

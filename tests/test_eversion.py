@@ -54,7 +54,7 @@ def test_what_no_eversion_can_be_made_of(segments: int, steps: int) -> None:
         eversion_stage(segments, steps, 0)
 
 
-@pytest.mark.parametrize("segments", [40, 80, 160])
+@pytest.mark.parametrize("segments", [40, *(pytest.param(n, marks=pytest.mark.long) for n in (80, 160))])
 def test_everted_cylinders_are_certified_minima(tmp_path: Path, segments: int) -> None:
     """b = 0.03, K = 25: minima with Lk = 0 and two inflections, neither the ring nor the figure-eight."""
     run, code = everted(tmp_path, segments)

@@ -1,4 +1,4 @@
-"""Exports of every kind of band and state: pi, 3 pi, ring, everted; branches, open, cut and saddle states."""
+"""Exports of every kind of band and state: pi, 3 pi, ring, everted; open, cut and saddle states."""
 
 from __future__ import annotations
 
@@ -7,9 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from cli_support import ribbon, ribbon_json
+from cli_support import ribbon
 from test_fold_pattern import folded, lines
-from vtkmodules.vtkIOHDF import vtkHDFReader
 
 from ribbon_cli import solve
 from ribbon_cli.config import load_config
@@ -25,8 +24,6 @@ CONFIGS = {
     "three": "topology: {half_twists: 3}\ninitial_guess: {state: 3pi-b0.3-N60.npz}\n",
     "everted": "topology: {half_twists: 0}\ninitial_guess: {state: everted-b0.04-N40.npz}\n",
     "ring": "topology: {half_twists: 0}\ninitial_guess: {recipe: cylinder, segments: 40, half_width: 0.3}\n",
-    "branch": "topology: {half_twists: 0}\ninitial_guess: {state: everted-b0.04-N40.npz}\n"
-    "widths: {arclength: {to: 0.06, back_to: 0.03, both: true}}\n",
     "eversion": "topology: {half_twists: 0}\n"
     "initial_guess: {recipe: eversion, segments: 20, half_width: 0.15, steps: 5}\n",
 }
@@ -85,25 +82,6 @@ def test_patterns_fold_back(name, half_width, bands):
     turn = np.stack((state.u[0], np.cross(b, state.u[0]), b))
     np.testing.assert_allclose(u @ turn, state.u, atol=1e-6)
     np.testing.assert_allclose(g @ turn, state.g, atol=1e-6)
-
-
-def test_a_branch_stored_out_of_order_is_a_series_by_width(bands, tmp_path):
-    run = run_of(bands, "branch")
-    stored = [s.half_width for s in run.states()]
-    assert stored != sorted(stored)
-    path = tmp_path / "branch.vtkhdf"
-    ribbon_json("export", "branch", "--to", "vtkhdf", "-o", path, "--runs", bands)
-    reader = vtkHDFReader()
-    reader.SetFileName(str(path))
-    reader.UpdateInformation()
-    times = []
-    for k in range(reader.GetNumberOfSteps()):
-        reader.SetStep(k)
-        reader.Update()
-        times.append(reader.GetTimeValue())
-        field = reader.GetOutputDataObject(0).GetFieldData()
-        assert field.GetArray("half_width").GetTuple1(0) == times[-1]
-    assert times == sorted(set(stored))
 
 
 @pytest.mark.parametrize("stage", ["eversion 3/5", "half turned 2/4", "halves rejoined", "saddle"])

@@ -17,9 +17,7 @@ import pandas
 import pytest
 import trimesh
 from cli_support import ribbon, ribbon_json
-from picture_support import solved, states_of  # noqa: F401
-from vtkmodules.util.numpy_support import vtk_to_numpy
-from vtkmodules.vtkIOHDF import vtkHDFReader
+from picture_support import solved, states_of, written  # noqa: F401
 
 from ribbon_cli.errors import UsageError
 from ribbon_cli.export.formats import FORMATS
@@ -28,7 +26,6 @@ from ribbon_cli.export.meshes import obj_bytes, ply_bytes, stl_bytes
 from ribbon_cli.export.solid import printed, solid
 from ribbon_cli.export.text import csv_bytes, json_bytes
 from ribbon_cli.export.viewer import viewer_html
-from ribbon_cli.export.vtkhdf import vtkhdf_bytes
 from ribbon_cli.report.convergence import Table
 from ribbon_cli.report.tables import as_csv
 from ribbon_cli.store import StateRecord, Summary, content_sha256
@@ -49,14 +46,6 @@ def read_mesh(data: bytes, suffix: str, tmp_path: Path):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         return meshio.read(path)
-
-
-def written(state: StateRecord, name: str) -> np.ndarray:
-    """A field as files have it: where the seam is open there is no fold at node 1, whatever is stored."""
-    values = getattr(state, name).copy()
-    if not is_closed(state) and name in ("kappa_s", "tau", "eta"):
-        values[0] = np.nan
-    return values
 
 
 def test_facets_are_flat_and_the_seam_is_joined(state):
@@ -145,41 +134,6 @@ def test_no_wall_thicker_than_the_band_is_wide(solved):  # noqa: F811
     solid(ring, 1.99 * ring.half_width)
     with pytest.raises(UsageError, match="less than the band's width 2 b, got 1 times"):
         solid(ring, 2.0 * ring.half_width)
-
-
-def test_vtk_reads_a_branch_as_a_series(solved, tmp_path):  # noqa: F811
-    states = [s for s in states_of(solved, "mobius") if s.segments == 48]
-    # Steps of different sizes, among them an open strip.
-    states.append(states_of(solved, "mobius", "auxiliary")[3])
-    path = tmp_path / "branch.vtkhdf"
-    path.write_bytes(vtkhdf_bytes(states, "a branch"))
-    reader = vtkHDFReader()
-    reader.SetFileName(str(path))
-    reader.UpdateInformation()
-    assert reader.GetNumberOfSteps() == len(states) == 3
-    for k, state in enumerate(states):
-        reader.SetStep(k)
-        reader.Update()
-        assert reader.GetTimeValue() == state.half_width
-        grid = reader.GetOutputDataObject(0)
-        mesh = strip(state)
-        np.testing.assert_array_equal(vtk_to_numpy(grid.GetPoints().GetData()), mesh.points)
-        assert grid.GetNumberOfCells() == state.segments
-        assert grid.GetCellType(0) == 9
-        cell = grid.GetCell(state.segments - 1)
-        assert [cell.GetPointId(i) for i in range(4)] == mesh.quads[-1].tolist()
-        cells, points = grid.GetCellData(), grid.GetPointData()
-        assert {cells.GetArrayName(i) for i in range(cells.GetNumberOfArrays())} == {
-            *("eta_prime", "xi", "lambda_1", "lambda_4", "lambda_5", "normal", "facet")
-        }
-        np.testing.assert_array_equal(vtk_to_numpy(cells.GetArray("xi")), state.xi)
-        eta = vtk_to_numpy(points.GetArray("eta"))
-        np.testing.assert_array_equal(eta[: 2 * state.segments : 2], written(state, "eta"))
-        # The ruling that ends an open strip is no node: nothing is made up for it.
-        assert np.isnan(eta[2 * state.segments :]).all()
-        energy = grid.GetFieldData().GetArray("energy")
-        assert energy.GetNumberOfTuples() == 1
-        assert energy.GetTuple1(0) == state.energy
 
 
 def test_csv_holds_every_field_exactly(state):

@@ -149,7 +149,11 @@ def kills(made: Path, folder: Path, name: str, count: int, seed: int, patch: pyt
     return killed
 
 
-@pytest.mark.parametrize("name", LINES)
+QUICK = ("repair", "rm")
+EACH_LINE = [pytest.param(name, marks=() if name in QUICK else pytest.mark.long) for name in LINES]
+
+
+@pytest.mark.parametrize("name", EACH_LINE)
 def test_a_killed_command_can_be_given_again(made, tmp_path, monkeypatch, name):
     kills(made, tmp_path, name, 1, 1, monkeypatch)
 

@@ -75,6 +75,7 @@ def kills(alone, folder, monkeypatch, count: int, seed: int) -> int:
     return inside
 
 
+@pytest.mark.long
 def test_some_kills(alone, tmp_path, monkeypatch):
     assert kills(alone, tmp_path, monkeypatch, 4, seed=1) >= 1
 

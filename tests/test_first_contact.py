@@ -11,7 +11,7 @@ import pytest
 
 from ribbon_cli.config import SpectrumRequest, load_config, parse_config
 from ribbon_cli.model.contact import self_contact
-from ribbon_cli.solver.continuation import to_width
+from ribbon_cli.solver.continuation import to_band, to_width
 from ribbon_cli.solver.newton import Options
 from ribbon_cli.solver.status import Status
 from ribbon_cli.study import solve_config
@@ -111,12 +111,12 @@ def test_a_step_that_fails_is_told_and_the_schedule_goes_on(
 ) -> None:
     from ribbon_cli.study import stepping as module
 
-    def blocked(state, multipliers, half_width, *rest):
-        move = to_width(state, multipliers, half_width, *rest)
-        named = half_width in (0.65, 0.68)
+    def blocked(state, multipliers, band, *rest):
+        move = to_band(state, multipliers, band, *rest)
+        named = band.half_width in (0.65, 0.68)
         return move if named else replace(move, result=replace(move.result, status=Status.STALLED))
 
-    monkeypatch.setattr(module, "to_width", blocked)
+    monkeypatch.setattr(module, "to_band", blocked)
     outcome = solved(tmp_path)
     assert outcome.exit_code == 0
     assert "not located, at b = 0.665: Stalled" in outcome.notes[0]

@@ -25,9 +25,11 @@ DATA = Path(__file__).parent / "data"
 FROZEN = DATA / "format-1.1" / "frozen-branch-e83cb1ed"
 OLD_PACK = DATA / "pack-1.0" / "frozen-branch.pack.h5"
 FILES = ("state", "auxiliary", "branch", "in-two-pieces", "pack", "vtkhdf", "series")
+QUICK, LONG = ("state", "pack"), ("auxiliary", "branch", "in-two-pieces", "vtkhdf", "series")
 WITHOUT_SCALES = ("vtkhdf", "series")
 ENGINES: dict[str, dict[str, Any]] = {"h5netcdf": {"phony_dims": "access"}, "netcdf4": {}}
 """xarray's engines for HDF5; axes without a scale get names that h5netcdf wants to be asked for."""
+EACH_ENGINE = ["h5netcdf", pytest.param("netcdf4", marks=pytest.mark.peers)]
 
 
 @pytest.fixture(scope="module")
@@ -99,8 +101,8 @@ def test_a_pack_attaches_what_its_states_do(kind, solved, tmp_path):  # noqa: F8
         assert len(within) > 15
 
 
-@pytest.mark.parametrize("engine", ENGINES)
-@pytest.mark.parametrize("name", FILES)
+@pytest.mark.parametrize("engine", EACH_ENGINE)
+@pytest.mark.parametrize("name", [*QUICK, *(pytest.param(f, marks=pytest.mark.long) for f in LONG)])
 def test_xarray_reads_every_group(name, engine, files):
     with h5py.File(files[name]) as file:
         arrays = {path: item[()] for path, item in objects(file, h5py.Dataset).items()}
@@ -124,7 +126,7 @@ def test_xarray_reads_every_group(name, engine, files):
     assert opened == {}
 
 
-@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("engine", EACH_ENGINE)
 def test_xarray_takes_a_packed_state_as_the_state(engine, files):
     record = Run.open(FROZEN).load(2)
     n, within = record.segments, "states/0002"

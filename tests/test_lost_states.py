@@ -52,15 +52,15 @@ widths: {{arclength: {{to: 0.12, back_to: 0.105, at: [0.11]}}}}
 @pytest.fixture
 def short_steps(monkeypatch):
     """Steps of more than 0.06 in b fail."""
-    honest = stepping.to_width
+    honest = stepping.to_band
 
-    def fragile(state, multipliers, half_width, *rest):
-        move = honest(state, multipliers, half_width, *rest)
-        if abs(half_width - state.band.half_width) > 0.06:
+    def fragile(state, multipliers, band, *rest):
+        move = honest(state, multipliers, band, *rest)
+        if abs(band.half_width - state.band.half_width) > 0.06:
             return replace(move, result=replace(move.result, status=Status.ITERATION_LIMIT))
         return move
 
-    monkeypatch.setattr(stepping, "to_width", fragile)
+    monkeypatch.setattr(stepping, "to_band", fragile)
 
 
 def stages(run: Run) -> dict[str, int]:

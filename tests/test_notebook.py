@@ -43,6 +43,7 @@ def test_the_notebook_imports_nothing_else():
     assert [ast.unparse(node) for node in imports] == ["import ribbon_cli as ribbon"]
 
 
+@pytest.mark.docs
 def test_the_notebook_runs(tmp_path, monkeypatch, pictures):
     monkeypatch.chdir(tmp_path)
     monkeypatch.delenv("RIBBON_RUNS", raising=False)

@@ -10,8 +10,8 @@ from typing import Any
 import yaml
 
 ROOT = Path(__file__).parent.parent
-TEST_TOOLS = ("pytest", "hypothesis", "jsonschema", "sympy")
-"""What the tests import beside the dependencies; the other tools of [dev] run in one version only, those that
+TEST_TOOLS = ("pytest", "hypothesis", "jsonschema")
+"""What the tests import beside the dependencies; others of [test] come in one version, those that
 read exports among them."""
 
 
@@ -28,7 +28,7 @@ def pins(lines: list[str], operator: str) -> dict[str, str]:
 
 def test_minimum_versions_are_the_lower_bounds():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    tools = [line for line in project["optional-dependencies"]["dev"] if line.startswith(TEST_TOOLS)]
+    tools = [line for line in project["optional-dependencies"]["test"] if line.startswith(TEST_TOOLS)]
     bounds = pins(project["dependencies"], ">=")
     bounds |= {name: version for name, version in pins(tools, ">=").items() if name in TEST_TOOLS}
     lines = (ROOT / "constraints" / "minimum.txt").read_text().splitlines()

@@ -162,7 +162,7 @@ def test_titles_of_shapes_say_what_differs(solved):  # noqa: F811
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("width", [86, 178])
+@pytest.mark.parametrize("width", [86, pytest.param(178, marks=pytest.mark.long)])
 def test_a_picture_is_as_wide_as_asked_and_its_letters_legible(kind, width, solved):  # noqa: F811
     style = of_width(STYLE, width)
     source = source_of(kind, solved)

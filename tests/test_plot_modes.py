@@ -14,6 +14,7 @@ from store_support import make_summary
 from ribbon_cli.analysis import multiplier_curves, stability_of
 from ribbon_cli.errors import UsageError
 from ribbon_cli.export.mesh import facet_corners, is_closed
+from ribbon_cli.plot import modes
 from ribbon_cli.plot.branches import _stretches, arclength_figure
 from ribbon_cli.plot.curves import multipliers_figure
 from ribbon_cli.plot.modes import LARGEST, STEPS, ModeShape, amplitude, displaced, mode_animation, mode_figure
@@ -100,7 +101,8 @@ def test_an_animation_is_one_period(solved, tmp_path):  # noqa: F811
     assert min(distance[quarter], distance[3 * quarter]) > max(distance[1], distance[-1]) > 0
 
 
-def test_a_mode_without_a_caption(solved):  # noqa: F811
+def test_a_mode_without_a_caption(solved, monkeypatch):  # noqa: F811
+    monkeypatch.setattr(modes, "STEPS", 4)
     record = states_of(solved, "ring")[0]
     mode = modes_of(record)[-1]
     assert len(mode_figure(record, mode, STYLE).axes) == 5

@@ -124,6 +124,7 @@ def followed(numbers: Iterator[int] | range | tuple[int, ...], folder: Path) -> 
     return +reasons
 
 
+@pytest.mark.long
 def test_a_few_branches_at_random(tmp_path: Path) -> None:
     assert followed(QUICK, tmp_path).total() >= len(QUICK)
 

@@ -13,6 +13,7 @@ from cli_support import QUICK_MOBIUS, content_hashes, parse_json, run, spawn, st
 from ribbon_cli.store import list_runs
 
 KILLS = 3
+SMALL = QUICK_MOBIUS.replace("24", "12").replace("48", "24")
 
 
 def solve(folder: Path, *words: str) -> dict[int, str]:
@@ -27,7 +28,7 @@ def solve(folder: Path, *words: str) -> dict[int, str]:
 def left_alone(tmp_path_factory):
     """Hashes of a run that nothing interrupted, and the seconds it took."""
     folder = tmp_path_factory.mktemp("alone")
-    (folder / "mobius.yaml").write_text(QUICK_MOBIUS)
+    (folder / "mobius.yaml").write_text(SMALL)
     started = time.monotonic()
     return solve(folder), time.monotonic() - started
 
@@ -49,7 +50,7 @@ def interrupt(folder: Path, number: int, wanted: int, delay: float) -> int:
 def test_killed_again_and_again(left_alone, tmp_path):
     """Each kill comes some states further on, at another moment between two of them."""
     expected, seconds = left_alone
-    (tmp_path / "mobius.yaml").write_text(QUICK_MOBIUS)
+    (tmp_path / "mobius.yaml").write_text(SMALL)
     between = seconds / len(expected)
     codes = []
     for kill in range(KILLS):
@@ -61,10 +62,12 @@ def test_killed_again_and_again(left_alone, tmp_path):
     assert solve(tmp_path) == expected
 
 
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
+@pytest.mark.parametrize(
+    ("number", "code"), [(signal.SIGTERM, 143), pytest.param(signal.SIGINT, 130, marks=pytest.mark.long)]
+)
 def test_stopped_by_a_signal(left_alone, tmp_path, number, code):
     expected, _ = left_alone
-    (tmp_path / "mobius.yaml").write_text(QUICK_MOBIUS)
+    (tmp_path / "mobius.yaml").write_text(SMALL)
     assert interrupt(tmp_path, number, 2, 0.0) == code
     kept = content_hashes(tmp_path / "runs")
     assert 0 < len(kept) < len(expected)
@@ -72,8 +75,9 @@ def test_stopped_by_a_signal(left_alone, tmp_path, number, code):
     assert solve(tmp_path) == expected
 
 
+@pytest.mark.long
 def test_a_finished_run_is_left_as_it_is(left_alone, tmp_path):
-    (tmp_path / "mobius.yaml").write_text(QUICK_MOBIUS)
+    (tmp_path / "mobius.yaml").write_text(SMALL)
     expected = solve(tmp_path)
     assert expected == left_alone[0]
     files = {path: path.stat().st_mtime_ns for path in tmp_path.glob("runs/*/states/*")}
@@ -82,14 +86,14 @@ def test_a_finished_run_is_left_as_it_is(left_alone, tmp_path):
 
 
 def test_a_fresh_start_sets_the_run_aside(left_alone, tmp_path):
-    (tmp_path / "mobius.yaml").write_text(QUICK_MOBIUS)
+    (tmp_path / "mobius.yaml").write_text(SMALL)
     assert interrupt(tmp_path, signal.SIGKILL, 2, 0.0) == -signal.SIGKILL
     assert solve(tmp_path, "--fresh") == left_alone[0]
     assert len(list_runs(tmp_path / "runs", aside=True)) == 2
 
 
 def test_a_second_process_is_locked_out(left_alone, tmp_path):
-    (tmp_path / "mobius.yaml").write_text(QUICK_MOBIUS)
+    (tmp_path / "mobius.yaml").write_text(SMALL)
     with spawn("solve", "mobius.yaml", "-q", cwd=tmp_path) as process:
         while states_on_disk(tmp_path) < 1 and process.poll() is None:
             time.sleep(0.002)

@@ -104,9 +104,17 @@ def test_killed_and_resumed(
 EACH = pytest.mark.parametrize(
     "config", [TWIST, EVERSION, CONSTRUCTION], ids=["twist", "eversion", "schoenke"]
 )
+ONE_AND_EACH = pytest.mark.parametrize(
+    "config",
+    [
+        pytest.param(TWIST, id="twist"),
+        pytest.param(EVERSION, id="eversion", marks=pytest.mark.long),
+        pytest.param(CONSTRUCTION, id="schoenke", marks=pytest.mark.long),
+    ],
+)
 
 
-@EACH
+@ONE_AND_EACH
 def test_ended_after_some_commits_and_resumed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, config: str
 ) -> None:

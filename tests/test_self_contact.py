@@ -89,7 +89,9 @@ def test_the_file_says_so_where_it_carries_notes(folder, form):
         assert (b"self-contact" in data[:80]) if form == "stl" else (MEETS_ITSELF.encode() in data)
 
 
-@pytest.mark.parametrize("kind", ["shape", "spectrum", "pattern"])
+@pytest.mark.parametrize(
+    "kind", ["pattern", *(pytest.param(k, marks=pytest.mark.long) for k in ("shape", "spectrum"))]
+)
 def test_captions_say_so_and_plot_warns_once(folder, kind):
     words = ("plot", "ring:5", kind, "-o", "x.svg", "--overwrite")
     result = ribbon(*words)

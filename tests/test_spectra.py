@@ -134,7 +134,7 @@ def check_agreement(segments: int, rule: Discretisation) -> None:
 
 
 @pytest.mark.parametrize("rule", RULES)
-@pytest.mark.parametrize("segments", [100, 200])
+@pytest.mark.parametrize("segments", [100, pytest.param(200, marks=pytest.mark.long)])
 def test_inertia_dense_algebra_and_lanczos_agree(segments: int, rule: Discretisation) -> None:
     check_agreement(segments, rule)
 

@@ -31,6 +31,10 @@ CALLS = (
 )
 
 
+EACH_STEP = [pytest.param(3, id="every third"), pytest.param(1, marks=pytest.mark.faults, id="every")]
+"""Of the calls that fail one after another, which are tried: every third, and in `make test-faults` each."""
+
+
 class Faults:
     """Makes the n-th of the store's system calls fail, or all from the n-th on."""
 
@@ -106,9 +110,10 @@ def assert_intact(run: Run, stored: int) -> None:
 
 
 @pytest.mark.parametrize("forever", [False, True])
-def test_a_commit_in_which_any_call_fails_costs_no_other_state(copies, faults, forever):
+@pytest.mark.parametrize("step", EACH_STEP)
+def test_a_commit_in_which_any_call_fails_costs_no_other_state(copies, faults, forever, step):
     record = make_record(3)
-    for n in range(1, 100):
+    for n in range(1, 100, step):
         run = copies(n)
         with run.writing(), faults.at(n, forever):
             message = failure(lambda run=run: run.commit(record))
@@ -138,8 +143,9 @@ def test_a_failed_commit_can_be_repeated_at_once(copies, faults):
 
 
 @pytest.mark.parametrize("forever", [False, True])
-def test_a_run_whose_creation_fails_is_absent_or_whole(tmp_path, faults, forever):
-    for n in range(1, 100):
+@pytest.mark.parametrize("step", EACH_STEP)
+def test_a_run_whose_creation_fails_is_absent_or_whole(tmp_path, faults, forever, step):
+    for n in range(1, 100, step):
         root = tmp_path / f"{n}"
         with faults.at(n, forever):
             message = failure(lambda root=root: Run.create_or_open(root, "mobius", "0123abcd", "a", "b"))
@@ -153,8 +159,9 @@ def test_a_run_whose_creation_fails_is_absent_or_whole(tmp_path, faults, forever
     assert n > 10
 
 
-def test_recovery_in_which_any_call_fails_can_be_repeated(copies, faults):
-    for n in range(1, 100):
+@pytest.mark.parametrize("step", EACH_STEP)
+def test_recovery_in_which_any_call_fails_can_be_repeated(copies, faults, step):
+    for n in range(1, 100, step):
         run = copies(n)
         run.log_path.write_bytes(run.log_path.read_bytes()[:-20])
         (run.path / ".tmp-x").write_bytes(b"x")
@@ -167,8 +174,9 @@ def test_recovery_in_which_any_call_fails_can_be_repeated(copies, faults):
     assert n > 10
 
 
-def test_a_rebuild_in_which_any_call_fails_can_be_repeated(copies, faults):
-    for n in range(1, 100):
+@pytest.mark.parametrize("step", EACH_STEP)
+def test_a_rebuild_in_which_any_call_fails_can_be_repeated(copies, faults, step):
+    for n in range(1, 100, step):
         run = copies(n)
         data = bytearray(run.log_path.read_bytes())
         data[-40] ^= 1

@@ -156,7 +156,11 @@ def test_a_step_that_was_given_up_has_fields_of_known_types(key, value, missing)
 
 
 REST = ("resolved.yaml", "config.yaml", "lock.holder")
-PIPES = ["log.jsonl", "lock.claim", *(pytest.param(name, marks=pytest.mark.faults) for name in REST)]
+PIPES = [
+    "log.jsonl",
+    pytest.param("lock.claim", marks=pytest.mark.long),
+    *(pytest.param(name, marks=pytest.mark.faults) for name in REST),
+]
 
 
 @pytest.mark.parametrize("name", PIPES)

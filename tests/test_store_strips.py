@@ -9,15 +9,22 @@ from typing import Any
 
 import numpy as np
 import pytest
+from cli_support import ribbon, ribbon_json
 from store_support import make_record
 
+import ribbon_cli
+from ribbon_cli.analysis import run_table
+from ribbon_cli.config import ConfigError, parse_config
 from ribbon_cli.errors import StoreError, UsageError
 from ribbon_cli.parts import CLOSED, Ends, Loads, Material, Parts
+from ribbon_cli.report.tables import RENDERERS
 from ribbon_cli.store import Run, StateRecord, Summary, content_sha256, decode, encode
 from ribbon_cli.store.fields import flatten
 from ribbon_cli.store.npz import export_npz, load_npz
 from ribbon_cli.store.refs import by_place, find_states, select
 from ribbon_cli.store.summaries import varying
+from ribbon_cli.study import solve_config
+from ribbon_cli.study.records import state_of
 
 PARTS = Parts(
     Ends("hinged", "clamped", 0.75, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6),
@@ -206,14 +213,14 @@ def test_what_is_left_out_takes_the_config_s_last_value(run: Run) -> None:
     [
         ("shear=0.2", "has no equilibrium with shear = 0.2: it has shear = 0, 0.15, 0.3"),
         ("shaer=0.3", "no parameter 'shaer'; did you mean shear?"),
-        ("b=0.1,half_width=0.1", "gives half_width twice"),
+        ("b=0.1,half_width=0.1", "half_width is given twice"),
         ("b=x", "b must be a number, got 'x'"),
-        ("gap=1", "no parameter 'gap': known are b"),
+        ("gap=1", "expected RUN@b=...,N=..., got 'gap=1': no parameter 'gap'"),
         (
             "natural_curvature=1",
             "has no equilibrium with natural_curvature = 1: it has natural_curvature = 0",
         ),
-        ("b=0.05,N=40", "has no equilibrium with b = 0.05 and N = 40: it has N = 10, 20"),
+        ("b=0.05,N=40", "with b = 0.05 and shear = 0.3 and N = 40: it has N = 10, 20"),
     ],
 )
 def test_what_is_not_there_is_told(run: Run, tmp_path: Path, query: str, message: str) -> None:
@@ -232,7 +239,101 @@ def test_tables_never_mix_problems(run: Run) -> None:
     assert varying(run.states()[2:4]) == ()
 
 
+def test_energies_of_several_problems_are_not_compared(run: Run) -> None:
+    table = run_table(run)
+    assert [(row.half_width, row.segments, dict(row.others)) for row in table.rows] == [
+        (b, n, {"shear": shear}) for b, shear, n in PLACES
+    ]
+    text = RENDERERS["text"](table)
+    assert "0.05, shear = 0.15" in text
+    document = json.loads(RENDERERS["json"](table))
+    assert document["rows"][2]["parameters"] == {"shear": 0.3}
+    assert "others" not in document["rows"][0]
+    assert RENDERERS["csv"](table).splitlines()[0].count("shear") == 1
+
+
+def test_ls_has_a_column_for_what_varies(run: Run, tmp_path: Path) -> None:
+    listed = ribbon("ls", "strip", "--runs", tmp_path).stdout.splitlines()
+    assert listed[0].split()[:4] == ["label", "b", "shear", "N"]
+    assert listed[2].split()[:4] == ["2", "0.05", "0.15", "10"]
+    shown = ribbon("show", "strip:2", "--runs", tmp_path).stdout
+    assert "parameters:\n  half_width" in shown
+    assert ribbon_json("show", "strip:2", "--runs", tmp_path)["parameters"]["shear"] == 0.15
+    table = ribbon_cli.open("strip", runs=tmp_path).table()
+    assert list(table["parameter_shear"]) == [shear for _, shear, _ in PLACES]
+    assert list(table["reaction_force_z"]) == [3.0] * len(PLACES)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--in", "twits", "--to", "pi"], "--in: no parameter 'twits'; did you mean twist or tilt?"),
+        (["--in", "shear", "--to", "0.8"], "--to 0.8: cannot be reached: at (span, lift, shear) the end is"),
+        (["--in", "shear", "--to", "3*0.1"], "strip:3: has shear = 0.3 already"),
+        (["--to", "-1"], "--to: must be > 0, the half-width, got -1"),
+        (["--in", "b", "--to", "0"], "--to: must be > 0, the half-width, got 0"),
+        (["--in", "twist", "--to", "x"], "must be a number such as 0.5 or pi/30, got 'x'"),
+        (
+            ["--in", "twist", "--to", "1", "--at", "2", "--arclength"],
+            "--at: 2 is not between twist = 0 and 1",
+        ),
+        (
+            ["--in", "twist", "--to", "1", "--arclength", "--both"],
+            "--both needs --back-to B, the twist to go to",
+        ),
+    ],
+)
+def test_continue_speaks_of_the_parameter(run: Run, tmp_path: Path, words: list[str], message: str) -> None:
+    result = ribbon("continue", "strip:3", *words, "--runs", tmp_path)
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert message in result.stderr
+
+
+def test_continue_refuses_what_a_problem_does_not_have(tmp_path: Path) -> None:
+    made = Run.create_or_open(tmp_path, "ends", "0123abcd", CONFIG, CONFIG)
+    with made.writing():
+        made.commit(make_record(1))
+        made.commit(strip(2, Parts(Ends(end="free"), loads=Loads(1.0)), kkt_residual=0.0))
+    for state, name, has in (
+        ("ends:1", "natural_curvature", "a one-sided band has no natural_curvature; it has half_width"),
+        ("ends:1", "gravity", "a one-sided band has no gravity"),
+        ("ends:2", "twist", "a strip with a free end has no twist; it has half_width, gravity, end_force_x"),
+    ):
+        result = ribbon("continue", state, "--in", name, "--to", "1", "--runs", tmp_path)
+        assert result.exit_code == 2
+        assert f"{state}: {has}" in result.stderr
+
+
+def test_python_follows_and_finds_in_any_parameter(run: Run, tmp_path: Path) -> None:
+    opened = ribbon_cli.open("strip", runs=tmp_path)
+    assert opened.at(b=0.05, shear=0.15).label == 2
+    with pytest.raises(UsageError, match="did you mean shear"):
+        opened.at(shaer=0.15)
+    with pytest.raises(UsageError, match=r"shear = 0\.15 already"):
+        opened.at(b=0.05, shear=0.15).follow(0.15, in_="shear")
+    with pytest.raises(UsageError, match="differ in shear as well"):
+        opened.to_xarray(grid=True)
+    assert list(opened.to_xarray()["parameter_shear"].values) == [shear for _, shear, _ in PLACES]
+
+
 def test_closed_bands_are_at_one_place_by_width_and_mesh() -> None:
     states = [Summary.of(make_record(label, half_width=b)) for label, b in ((1, 0.5), (2, 0.5 * (1 + 1e-12)))]
     assert [len(group) for group in by_place(states).values()] == [2]
     assert CLOSED.names(-1) == ("half_width",)
+
+
+def test_a_given_state_is_of_the_config_s_kind(run: Run, tmp_path: Path) -> None:
+    export_npz(strip(), tmp_path / "strip.npz")
+    for text, said in (
+        (
+            "topology: {half_twists: 0}\ninitial_guess: {state: strip.npz}\n",
+            "is an open strip, where the config",
+        ),
+        (
+            "topology: {half_twists: 0}\ninitial_guess: {state: 'strip:1'}\n",
+            "is an open strip, where the config",
+        ),
+    ):
+        with pytest.raises(ConfigError, match=said):
+            solve_config(parse_config(text, tmp_path / "c.yaml"), tmp_path)
+    assert state_of(strip()).band.parts == PARTS

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import atexit
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
+from shutil import copytree, rmtree
+from tempfile import mkdtemp
 
 import pytest
 from store_support import make_record
@@ -12,7 +16,7 @@ from store_support import make_record
 from ribbon_cli.config import Config, ConfigError, parse_config
 from ribbon_cli.errors import LockedError, UsageError
 from ribbon_cli.store import Run, encode
-from ribbon_cli.study import given_band, plan_of, refine_state, solve_config, standing
+from ribbon_cli.study import Outcome, given_band, plan_of, refine_state, solve_config, standing
 from ribbon_cli.study.progress import Event, Note, Stage
 
 SMALL = """
@@ -25,6 +29,21 @@ spectrum: {modes: 0, full_up_to: 0}
 
 def config(text: str, name: str = "small.yaml") -> Config:
     return parse_config(text, name)
+
+
+@cache
+def small_runs() -> Path:
+    """A folder with the run of SMALL, which many tests go on from."""
+    root = Path(mkdtemp(prefix="small-"))
+    atexit.register(rmtree, root, ignore_errors=True)
+    assert solve_config(config(SMALL), root).exit_code == 0
+    return root
+
+
+def solve_small(root: Path) -> Outcome:
+    """SMALL as solved before: in a copy of its run nothing is new."""
+    copytree(small_runs(), root, dirs_exist_ok=True)
+    return solve_config(config(SMALL), root)
 
 
 class Recorder:
@@ -91,15 +110,15 @@ def test_a_step_that_fails_is_halved_and_reported(tmp_path: Path, monkeypatch: p
     from ribbon_cli.solver.status import Status
     from ribbon_cli.study import stepping as module
 
-    honest = module.to_width
+    honest = module.to_band
 
-    def fragile(state, multipliers, half_width, *rest):
-        move = honest(state, multipliers, half_width, *rest)
-        if abs(half_width - state.band.half_width) > 0.06:
+    def fragile(state, multipliers, band, *rest):
+        move = honest(state, multipliers, band, *rest)
+        if abs(band.half_width - state.band.half_width) > 0.06:
             return replace(move, result=replace(move.result, status=Status.ITERATION_LIMIT))
         return move
 
-    monkeypatch.setattr(module, "to_width", fragile)
+    monkeypatch.setattr(module, "to_band", fragile)
     outcome = solve_config(config(SMALL + "widths: [0.4]\n"), tmp_path)
     assert outcome.exit_code == 0
     states = outcome.run.states(all=True)
@@ -129,7 +148,7 @@ def test_twist_steps_that_fail_are_halved_and_reported(tmp_path: Path) -> None:
 
 
 def test_the_minimum_of_an_auxiliary_problem_is_called_that(tmp_path: Path) -> None:
-    run = solve_config(config(SMALL), tmp_path).run
+    run = solve_small(tmp_path).run
     kinds = {state.kind: state.message for state in run.states(all=True)}
     assert kinds["auxiliary"].startswith("Converged to a minimum of the auxiliary problem")
     assert "auxiliary" not in kinds["equilibrium"]
@@ -150,20 +169,20 @@ def test_a_width_out_of_reach_is_a_failure_that_names_itself(
     from ribbon_cli.solver.status import Status
     from ribbon_cli.study import stepping as module
 
-    honest = module.to_width
+    honest = module.to_band
 
-    def blocked(state, multipliers, half_width, *rest):
-        move = honest(state, multipliers, half_width, *rest)
-        status = Status.LEFT_TOPOLOGY if half_width > 0.35 else move.result.status
+    def blocked(state, multipliers, band, *rest):
+        move = honest(state, multipliers, band, *rest)
+        status = Status.LEFT_TOPOLOGY if band.half_width > 0.35 else move.result.status
         return replace(move, result=replace(move.result, status=status))
 
-    monkeypatch.setattr(module, "to_width", blocked)
+    monkeypatch.setattr(module, "to_band", blocked)
     outcome = solve_config(config(SMALL + "widths: [0.3, 0.4, 0.5]\nrefinement: [20, 40]\n"), tmp_path)
     assert outcome.exit_code == 3
     assert [t.reached for t in outcome.targets] == [True, True, False, False, False, False]
     assert len(outcome.failures) == 4
     assert all("passed through itself" in line for line in outcome.failures)
-    monkeypatch.setattr(module, "to_width", honest)
+    monkeypatch.setattr(module, "to_band", honest)
     assert (
         solve_config(config(SMALL + "widths: [0.3, 0.4, 0.5]\nrefinement: [20, 40]\n"), tmp_path).exit_code
         == 0
@@ -177,19 +196,19 @@ def test_a_schedule_that_ended_does_not_come_back(tmp_path: Path, monkeypatch: p
     from ribbon_cli.solver.status import Status
     from ribbon_cli.study import stepping as module
 
-    honest = module.to_width
+    honest = module.to_band
 
     def blocked(*args):
         move = honest(*args)
         return replace(move, result=replace(move.result, status=Status.STALLED))
 
-    monkeypatch.setattr(module, "to_width", blocked)
+    monkeypatch.setattr(module, "to_band", blocked)
     outcome = solve_config(config(SMALL + "widths: [0.3, 0.4, 0.3]\n"), tmp_path)
     assert [t.reached for t in outcome.targets] == [True, False, False]
 
 
 def test_handedness_changes_the_linking_number_and_nothing_else(tmp_path: Path) -> None:
-    right = solve_config(config(SMALL), tmp_path)
+    right = solve_small(tmp_path)
     left = solve_config(config(SMALL.replace("half_twists: 1", "half_twists: -1")), tmp_path)
     a, b = right.run.states()[-1], left.run.states()[-1]
     assert b.energy == pytest.approx(a.energy, rel=1e-10)
@@ -199,7 +218,7 @@ def test_handedness_changes_the_linking_number_and_nothing_else(tmp_path: Path) 
 
 
 def test_a_given_state_starts_a_run(tmp_path: Path) -> None:
-    first = solve_config(config(SMALL), tmp_path)
+    first = solve_small(tmp_path)
     ref = f"{first.run.name}:{first.targets[0].label}"
     text = f"name: again\ntopology: {{half_twists: 1}}\ninitial_guess: {{state: '{ref}'}}\nwidths: [0.35]\n"
     outcome = solve_config(config(text), tmp_path)
@@ -218,7 +237,7 @@ def test_a_given_state_starts_a_run(tmp_path: Path) -> None:
     ],
 )
 def test_a_given_state_must_fit(tmp_path: Path, change: tuple[str, str], words: str) -> None:
-    first = solve_config(config(SMALL), tmp_path)
+    first = solve_small(tmp_path)
     guess = f"initial_guess: {{state: '{first.run.name}:10'}}"
     text = "name: again\ntopology: {half_twists: 1}\n" + guess + "\nwidths: [0.35]\n"
     with pytest.raises(ConfigError, match=words) as caught:
@@ -234,8 +253,8 @@ def test_contact_ends_a_schedule_if_asked_to(tmp_path: Path, monkeypatch: pytest
 
     honest = records.self_contact
 
-    def touching(u, g, g_end, half_width, h):
-        found = honest(u, g, g_end, half_width, h)
+    def touching(u, g, g_end, half_width, h, **how):
+        found = honest(u, g, g_end, half_width, h, **how)
         return Contact(half_width > 0.35, found.pairs, found.clearance)
 
     monkeypatch.setattr(records, "self_contact", touching)
@@ -257,7 +276,7 @@ def test_contact_ends_a_schedule_if_asked_to(tmp_path: Path, monkeypatch: pytest
 
 
 def test_refinement_by_hand(tmp_path: Path) -> None:
-    first = solve_config(config(SMALL), tmp_path)
+    first = solve_small(tmp_path)
     label = first.targets[0].label
     ref = f"{first.run.name}:{label}"
     smooth = refine_state(tmp_path, ref, levels=2)
@@ -341,19 +360,19 @@ def test_what_is_refined_keeps_the_revision_of_its_config(
     ],
 )
 def test_refinements_that_make_no_sense(tmp_path: Path, options: dict, words: str) -> None:
-    first = solve_config(config(SMALL), tmp_path)
+    first = solve_small(tmp_path)
     with pytest.raises(UsageError, match=words):
         refine_state(tmp_path, f"{first.run.name}:{first.targets[0].label}", **options)
 
 
 def test_auxiliary_states_are_not_refined(tmp_path: Path) -> None:
-    first = solve_config(config(SMALL), tmp_path)
+    first = solve_small(tmp_path)
     with pytest.raises(UsageError, match="auxiliary"):
         refine_state(tmp_path, f"{first.run.name}:1", levels=1)
 
 
 def test_the_plan_of_a_given_state_is_what_is_run(tmp_path: Path) -> None:
-    first = solve_config(config(SMALL), tmp_path)
+    first = solve_small(tmp_path)
     guess = f"initial_guess: {{state: '{first.run.name}:{first.targets[0].label}'}}\n"
     for more in ("widths: [0.3, 0.35]\n", "widths: [0.35]\nrefinement: [20, 40]\n", ""):
         again = config("name: again\ntopology: {half_twists: 1}\n" + guess + more)
@@ -385,7 +404,7 @@ def test_a_finished_run_is_used_without_its_lock(tmp_path: Path) -> None:
 
 
 def test_a_finished_run_is_not_written_to(tmp_path: Path) -> None:
-    first = solve_config(config(SMALL), tmp_path)
+    first = solve_small(tmp_path)
     before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")}
     assert solve_config(config(SMALL), tmp_path).targets == first.targets
     assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")} == before
@@ -393,7 +412,7 @@ def test_a_finished_run_is_not_written_to(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("left", ["temporary file", "whole state", "torn state", "torn line"])
 def test_what_an_interrupted_writer_left_is_cleared_though_all_is_solved(tmp_path: Path, left: str) -> None:
-    first = solve_config(config(SMALL), tmp_path)
+    first = solve_small(tmp_path)
     run, label = first.run, first.run.next_label
     match left:
         case "temporary file":

@@ -99,6 +99,7 @@ def test_a_fall_off_a_fold_is_seen() -> None:
         assert not move.result.certified
 
 
+@pytest.mark.long
 def test_a_schedule_ends_at_a_fold_and_keeps_what_it_has(tmp_path: Path) -> None:
     text = (
         "name: fold\ntopology: {half_twists: 1}\nspectrum: {modes: 0, full_up_to: 0}\n"

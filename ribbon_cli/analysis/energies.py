@@ -12,6 +12,7 @@ from ..facts import OTHER_MINIMA, same_width
 from ..report.convergence import Entry, Table, convergence_rows
 from ..store import Run, Summary
 from ..store.refs import by_place, meant
+from ..store.summaries import varying
 
 
 def table_entries(run: Run) -> list[Entry]:
@@ -20,8 +21,12 @@ def table_entries(run: Run) -> list[Entry]:
     An entry that is not on the branch of the one with half its segments says so in `breaks`. That is read
     off parents and their events; where they do not lead there, the two states are compared.
     """
-    groups = sorted(by_place(run.states()).values(), key=lambda group: group[0].label)
-    chosen = [_entry(meant(group)) for group in groups]
+    named = varying(run.states())
+    places = sorted(by_place(run.states()).items(), key=lambda item: item[1][0].label)
+    chosen = [
+        replace(_entry(meant(group)), others=tuple(pair for pair in place.others if pair[0] in named))
+        for place, group in places
+    ]
     states = {state.label: state for state in run.states(all=True)}
     return [replace(entry, breaks=_break(run, states, chosen, entry)) for entry in chosen]
 
@@ -32,7 +37,17 @@ def run_table(run: Run) -> Table:
 
 
 def _same(a: Entry, b: Entry | Summary) -> bool:
-    return a.segments == b.segments and same_width(a.half_width, b.half_width)
+    """Whether a state, or an entry, is at the place of an entry."""
+    others = dict(b.others) if isinstance(b, Entry) else b.parameters
+    return (
+        a.segments == b.segments
+        and same_width(a.half_width, b.half_width)
+        and all(_close(value, others.get(name)) for name, value in a.others)
+    )
+
+
+def _close(a: float | None, b: float | None) -> bool:
+    return a == b or (a is not None and b is not None and math.isclose(a, b, rel_tol=1e-9, abs_tol=1e-9))
 
 
 def _break(run: Run, states: Mapping[int, Summary], chosen: list[Entry], fine: Entry) -> str:

@@ -15,6 +15,7 @@ from ..errors import TargetError, UsageError
 from ..model.band import Array, State
 from ..model.metrics import METRICS, lengths, metric_named
 from ..model.problem import Problem
+from ..model.strip_symmetry import strip_symmetries
 from ..model.symmetry import Symmetry, SymmetryGroup, find_symmetries
 from ..report.spectra import Counts, Element, Group, Mode, StateSpectrum
 from ..solver.inertia import Inertia, inertia
@@ -76,7 +77,7 @@ def stability_of(
             spectrum = lowest_spectrum(problem, x, local, metric, modes)
     except (FactorisationError, np.linalg.LinAlgError) as error:
         raise TargetError(f"no spectrum in the {metric} metric: {error}") from error
-    group = find_symmetries(state)
+    group = find_symmetries(state) if state.band.closed else strip_symmetries(state)
     vectors = _adapted(state, spectrum, group)
     named = dict(zip(_primed([s.name for s in group.generators()]), group.generators(), strict=True))
     characters = _characters(state, metric, vectors, named)

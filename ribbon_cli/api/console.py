@@ -61,6 +61,11 @@ class _Current:
     written: bool = False
 
     @property
+    def moved(self) -> bool:
+        """Whether a step was taken; the point that a solve begins at is told as its step 0."""
+        return self.last is not None and self.last.iteration > 0
+
+    @property
     def heading(self) -> str:
         """Which of how many stages this is, and where it is."""
         stage, found = self.stage, None if self.last is None else self.last.half_width
@@ -72,7 +77,7 @@ class _Current:
 
     def line(self) -> str:
         """The whole stage, once it is over."""
-        if self.last is None:
+        if self.last is None or not self.moved:
             return f"{self.heading}: no steps"
         _, figures = str(self.last).split(": ", 1)
         steps = f"{self.last.iteration} step{'s' * (self.last.iteration > 1)}"
@@ -124,7 +129,7 @@ class Lines:
         ended, self._current = self._current, None
         if ended is None or ended.written:
             return
-        if ended.last is not None or self._verbose:
+        if ended.moved or self._verbose:
             self._flush_idle()
             self._show_stage(ended)
         else:

@@ -19,6 +19,7 @@ from ribbon_cli.errors import StoreError, UsageError
 from ribbon_cli.store import Run, Summary
 from ribbon_cli.store.record import METRICS
 from ribbon_cli.store.refs import by_place, meant, no_equilibria
+from ribbon_cli.store.summaries import varying
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -43,14 +44,16 @@ def dataset(run: api.OpenRun, grid: bool | None, modes: int) -> Dataset:
     if not states:
         raise UsageError(no_equilibria(run))
     places = by_place(states)
-    widths, meshes = list(dict.fromkeys(b for b, _ in places)), sorted({n for _, n in places})
+    widths, meshes = list(dict.fromkeys(b for b, *_ in places)), sorted({n for _, n, _ in places})
     if grid is None:
-        grid = all(len(group) == 1 for group in places.values())
+        grid = len(places) == len(states) and not varying(states)
+    if grid and (others := varying(states)):
+        raise UsageError(f"grid: the states differ in {', '.join(others)} as well: pass grid=False")
     chosen: dict[Cell, Summary]
     if grid:
         dims: tuple[str, ...] = _AXES
         shape: Cell = (len(widths), len(meshes))
-        chosen = {(widths.index(b), meshes.index(n)): meant(group) for (b, n), group in places.items()}
+        chosen = {(widths.index(b), meshes.index(n)): meant(group) for (b, n, _), group in places.items()}
         coordinates: dict[str, Any] = {
             "half_width": np.array(widths, dtype=np.float64),
             "segments": np.array(meshes, dtype=np.int64),

@@ -13,6 +13,7 @@ from ribbon_cli.config import STOPS, Arclength
 from ribbon_cli.errors import UsageError
 from ribbon_cli.pages import html
 from ribbon_cli.pages.columns import OF_STATES, contact, listing
+from ribbon_cli.parts import HALF_WIDTH, PARAMETERS
 from ribbon_cli.store import suggest
 from ribbon_cli.text import visible
 
@@ -30,8 +31,15 @@ def request(
     max_step: float | None = None,
     steps: int | None = None,
     switch: int | None = None,
+    in_: str | None = None,
 ) -> Arclength:
     """What `ribbon continue` is asked for. Raises UsageError for options that do not go together."""
+    name = HALF_WIDTH if in_ in (None, "b") else str(in_)
+    if name not in PARAMETERS:
+        raise UsageError(f"--in: no parameter {name!r}{suggest(name, PARAMETERS)}")
+    for option, value in (("--to", to), ("--back-to", back_to), *(("--at", value) for value in at)):
+        if name == HALF_WIDTH and value is not None and not value > 0.0:
+            raise UsageError(f"{option}: must be > 0, the half-width, got {value:g}")
     for option, value in (("--max-step", max_step), ("--steps", steps)):
         if value is not None and not 0 < value < math.inf:
             raise UsageError(f"{option}: must be positive, got {value:g}")
@@ -46,7 +54,8 @@ def request(
     if not arclength and {"fold", "stability-lost"} & set(stop_at):
         raise UsageError("--stop-at fold and --stop-at stability-lost need --arclength")
     if both and back_to is None:
-        raise UsageError("--both needs --back-to B, the half-width to go to the other way")
+        what = "half-width" if name == HALF_WIDTH else name
+        raise UsageError(f"--both needs --back-to B, the {what} to go to the other way")
     default = Arclength(to)
     return Arclength(
         to=to,
@@ -57,6 +66,7 @@ def request(
         steps=steps or default.steps,
         stop_at=tuple(word for word in STOPS if word in stop_at),
         switch=switch or 0,
+        parameter=name,
     )
 
 

@@ -17,7 +17,8 @@ from ribbon_cli.api.exporting import Exported, export_to
 from ribbon_cli.api.opening import path_text, runs_text
 from ribbon_cli.api.tables import as_found, damage_in_words, frame
 from ribbon_cli.errors import RibbonWarning, UsageError
-from ribbon_cli.store import Run, Summary, find_run, names_state, runs_root
+from ribbon_cli.parts import HALF_WIDTH, PARAMETERS
+from ribbon_cli.store import Run, Summary, find_run, names_state, runs_root, suggest
 from ribbon_cli.store.refs import select
 
 if TYPE_CHECKING:
@@ -86,16 +87,21 @@ class OpenRun(Run):
         """
         return analysis.run_table(self)
 
-    def at(self, b: float | None = None, N: int | None = None) -> api.OpenState:
-        """The equilibrium that `RUN@b=...,N=...` names in a command; either part may be left out.
+    def at(self, b: float | None = None, N: int | None = None, **parameters: float) -> api.OpenState:
+        """The equilibrium that `RUN@b=...,shear=...,N=...` names in a command; any part may be left out.
 
-        Of several it is the latest of the finest certified ones; `choice` of the state says which was taken.
-        Warns where that has no certificate. Raises UsageError, which says what there is, StoreError.
+        Other parameters that are left out have the last value in the config. Of several it is the latest of
+        the finest certified ones; `choice` of the state says which was taken. Warns where that has no
+        certificate. Raises UsageError, which says what there is, StoreError.
         """
-        if b is None and N is None:
+        if b is None and N is None and not parameters:
             raise UsageError("at() needs b, N or both")
-        wanted = (None if b is None else _real(b), None if N is None else operator.index(N))
-        found, choice = select(self, *wanted)
+        for name in parameters:
+            if name not in PARAMETERS:
+                raise UsageError(f"at(): no parameter {name!r}{suggest(name, PARAMETERS)}")
+        values = {name: _real(value) for name, value in parameters.items()}
+        values |= {} if b is None else {HALF_WIDTH: _real(b)}
+        found, choice = select(self, values, None if N is None else operator.index(N))
         if not found.certified:
             warnings.warn(f"{self.name}: {choice}", RibbonWarning, stacklevel=2)
         return self.state(found.label, choice)

@@ -114,6 +114,7 @@ class OpenState(StateRecord):
         to: float,
         arclength: bool = False,
         *,
+        in_: str | None = None,
         back_to: float | None = None,
         both: bool = False,
         at: Sequence[float] = (),
@@ -125,12 +126,13 @@ class OpenState(StateRecord):
     ) -> Followed:
         """Continue the state to the half-width `to`, as by `ribbon continue`; the states join the run.
 
-        Without `arclength` it goes from width to width among minima, and the first fold ends it; the options
+        With `in_`, `to` is a value of that parameter ("twist").
+        Without `arclength` it goes from value to value among minima, and the first fold ends it; the options
         are those of the command. The same call again resumes. Warns of a branch that breaks off. Raises
         UsageError, StoreError, LockedError.
         """
         run = self._in_a_run("follow")
-        wanted = request(to, arclength, back_to, both, at, stop_at, max_step, steps, switch)
+        wanted = request(to, arclength, back_to, both, at, stop_at, max_step, steps, switch, in_)
         with watched(progress) as shown:
             outcome = study.continue_state(
                 run.path.parent, str(self.path), wanted, natural=not arclength, progress=shown, argv=sys.argv

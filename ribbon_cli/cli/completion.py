@@ -20,6 +20,7 @@ from click.shell_completion import (
 )
 
 from ribbon_cli import config, store, study
+from ribbon_cli.parts import HALF_WIDTH, PARAMETERS
 
 SHELLS = ("bash", "zsh", "fish")
 _MOST = 500
@@ -102,7 +103,7 @@ def _candidates(find: Callable[[click.Context, str], Iterable[str]], kind: str =
     def complete(ctx: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
         found: list[str] = []
         try:
-            for value in find(ctx, incomplete):
+            for value in dict.fromkeys(find(ctx, incomplete)):
                 if value.startswith(incomplete) and _PLAIN.fullmatch(value) and len(found) < _MOST:
                     found.append(value)
         except Exception:  # noqa: BLE001  (a damaged run must not put a traceback into the user's line)
@@ -142,8 +143,11 @@ def _references(ctx: click.Context, incomplete: str) -> Iterator[str]:
     if mark == ":":
         yield from (f"{name}:{label}" for label in run.entries())
         return
-    places = ((state.half_width, state.segments) for state in run.states())
-    yield from (f"{name}@b={b:.10g},N={n}" for b, n in dict.fromkeys(places))
+    states = run.states()
+    shown = (HALF_WIDTH, *store.varying(states))
+    for state in states:
+        said = (f"{PARAMETERS[p].symbol}={state.parameters[p]:.10g}," for p in shown)
+        yield f"{name}@{''.join(said)}N={state.segments}"
 
 
 def _states_or_runs(ctx: click.Context, incomplete: str) -> Iterator[str]:
@@ -171,6 +175,7 @@ complete_status = _candidates(
     lambda ctx, _: study.STATE_STATUSES if ctx.params.get("run") else study.RUN_STATUSES
 )
 complete_kind = _candidates(lambda ctx, _: store.KINDS)
+complete_parameter = _candidates(lambda ctx, _: PARAMETERS)
 complete_template = _candidates(lambda ctx, _: config.templates())
 complete_file = _candidates(lambda ctx, _: (), "file")
 complete_folder = _candidates(lambda ctx, _: (), "dir")

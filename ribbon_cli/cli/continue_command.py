@@ -1,4 +1,4 @@
-"""`ribbon continue`: from a stored state to other widths."""
+"""`ribbon continue`: from a stored state to other widths, or in another parameter."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import Any
 import click
 
 from ribbon_cli import api, store, study
-from ribbon_cli.cli.completion import complete_state
-from ribbon_cli.cli.numbers import positive, positives, whole
+from ribbon_cli.cli.completion import complete_parameter, complete_state
+from ribbon_cli.cli.numbers import finite, positive, several, whole
 from ribbon_cli.cli.progress import progress
 from ribbon_cli.cli.render import branch_text
 from ribbon_cli.cli.settings import Settings, common_options, pass_settings
@@ -20,11 +20,12 @@ _STOPS = ("fold", "stability-lost", "contact")
 
 @click.command("continue")
 @click.argument("state", shell_complete=complete_state)
-@click.option("--to", metavar="B", required=True, callback=positive, help="Half-width to go to.")
+@click.option("--in", "in_", metavar="NAME", shell_complete=complete_parameter, help="Parameter to move (b).")
+@click.option("--to", metavar="B", required=True, callback=finite, help="Half-width, or value, to go to.")
 @click.option("--arclength", is_flag=True, help="Follow the branch itself, around folds.")
-@click.option("--back-to", metavar="B", callback=positive, help="Other end of the range of widths.")
+@click.option("--back-to", metavar="B", callback=finite, help="Other end of the range.")
 @click.option("--both", is_flag=True, help="Go both ways, to --to and to --back-to.")
-@click.option("--at", metavar="B", multiple=True, callback=positives, help="Meet this width exactly.")
+@click.option("--at", metavar="B", multiple=True, callback=several, help="Meet this value exactly.")
 @click.option("--stop-at", type=click.Choice(_STOPS), multiple=True, help="End at the first such event.")
 @click.option("--max-step", metavar="S", callback=positive, help="Longest step along the branch (0.1).")
 @click.option("--steps", metavar="K", callback=whole(1), help="Steps at most (500).")
@@ -32,11 +33,11 @@ _STOPS = ("fold", "stability-lost", "contact")
 @common_options
 @pass_settings
 def continue_(settings: Settings, /, state: str, **asked: Any) -> int:
-    """Continue a stored STATE in width.
+    """Continue a stored STATE in width or in another parameter.
 
-    The results join its run.
+    The results join its run. With --in, as --in twist --to pi, B is a value of that parameter.
 
-    The same line again resumes. Without --arclength widths are reached one from another, and the first fold
+    The same line again resumes. Without --arclength values are reached one from another, and the first fold
     ends it. Unstable points on a branch are no failure; the exit code is 3 when no step is short enough.
     """
     wanted = api.following.request(**asked)

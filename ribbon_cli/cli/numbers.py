@@ -22,8 +22,8 @@ def whole(low: int) -> Callable[[click.Context, click.Parameter, str | None], in
     return read
 
 
-def positive(ctx: click.Context, parameter: click.Parameter, text: str | None) -> float | None:
-    """Read a positive number as configs spell it: 0.5, 1e-3, pi/30."""
+def finite(ctx: click.Context, parameter: click.Parameter, text: str | None) -> float | None:
+    """Read a number as configs spell it: 0.5, 1e-3, -pi/30."""
     if text is None:
         return None
 
@@ -32,11 +32,17 @@ def positive(ctx: click.Context, parameter: click.Parameter, text: str | None) -
     except ExpressionError as error:
         message = f"must be a number such as 0.5 or pi/30, got {text!r} ({error})"
         raise click.BadParameter(message, ctx, parameter) from error
-    if not 0.0 < value < float("inf"):
+    return value
+
+
+def positive(ctx: click.Context, parameter: click.Parameter, text: str | None) -> float | None:
+    """Read a positive number as configs spell it."""
+    value = finite(ctx, parameter, text)
+    if value is not None and not value > 0.0:
         raise click.BadParameter(f"must be > 0 and finite, got {text!r}", ctx, parameter)
     return value
 
 
-def positives(ctx: click.Context, parameter: click.Parameter, texts: tuple[str, ...]) -> tuple[float, ...]:
-    """Read an option that may be given several times; each value once, ascending."""
-    return tuple(sorted({positive(ctx, parameter, text) or 0.0 for text in texts}))
+def several(ctx: click.Context, parameter: click.Parameter, texts: tuple[str, ...]) -> tuple[float, ...]:
+    """Read numbers of an option that may be given several times; each value once, ascending."""
+    return tuple(sorted({finite(ctx, parameter, text) or 0.0 for text in texts}))

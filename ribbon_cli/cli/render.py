@@ -11,7 +11,7 @@ from typing import Any
 
 from ribbon_cli import digits, study
 from ribbon_cli.export.words import MEETS_ITSELF
-from ribbon_cli.store import StateRecord, Summary
+from ribbon_cli.store import StateRecord, Summary, varying
 from ribbon_cli.store.events import Event, Removed
 from ribbon_cli.text import aligned, ranges, visible
 
@@ -81,12 +81,14 @@ _FIGURES = ("E", "status", "Lk", "contact", "gradient", "constraint", "certifica
 
 
 def states_table(states: Sequence[Summary], kinds: bool) -> str:
-    """The states of a run, with kind and stage if `kinds`."""
-    heads = ["label", "b", "N", *_FIGURES, *(("kind", "stage") if kinds else ())]
+    """The states of a run, with the parameters that they differ in, and with kind and stage if `kinds`."""
+    moved = varying(states)
+    heads = ["label", "b", *moved, "N", *_FIGURES, *(("kind", "stage") if kinds else ())]
     rows = (
         [
             str(state.label),
             number(state.half_width, ".10g"),
+            *(number(state.parameters.get(name), ".10g") for name in moved),
             str(state.segments),
             *_figures(state),
             *((state.kind, state.stage) if kinds else ()),

@@ -44,9 +44,11 @@ def branch(run: Run, segments: int | None = None) -> list[Summary]:
 
 
 def finest(run: Run) -> list[Summary]:
-    """The finest equilibrium of each half-width, by width. Raises UsageError where there is none."""
+    """The finest equilibrium of each half-width and other parameters. Raises UsageError if there is none."""
     branch(run)
-    return list({b: meant(group) for (b, _), group in by_place(run.states()).items()}.values())
+    return list(
+        {(b, others): meant(group) for (b, _, others), group in by_place(run.states()).items()}.values()
+    )
 
 
 def levels(run: Run, half_width: float) -> list[Summary]:

@@ -70,6 +70,8 @@ class Symmetry:
         """phi of moves (N, 7, ...). Raises ValueError where the grid is not mapped onto itself."""
         if not self.exact:
             raise ValueError(f"{self.name} does not map the grid onto itself")
+        if sigma == 0:
+            return self._relabelled_strip(moves)
         n, shift = moves.shape[0], round(self.shift)
         node = np.arange(n)
         rulings = shift - node if self.reverse else shift + node
@@ -84,6 +86,15 @@ class Symmetry:
         out[:, :3] = moves[facets % n, :3] * (-1.0 if self.reverse else 1.0)
         out[:, 3:6] = moves[rulings % n, 3:6] * seam(rulings)
         out[:, 6:] = moves[facets % n, 6:] * seam(facets)
+        return out
+
+    def _relabelled_strip(self, moves: Array) -> Array:
+        """phi of a strip's moves: where it is run backwards both end rulings are held, and do not move."""
+        out = moves.copy()
+        if self.reverse:
+            out[:, :3], out[1:, 3:6], out[:, 6:] = -moves[::-1, :3], moves[:0:-1, 3:6], moves[::-1, 6:]
+        if self.flip:
+            out[:, 3:] *= -1.0
         return out
 
     def apply(self, moves: Array, sigma: int) -> Array:
@@ -144,7 +155,7 @@ class SymmetryGroup:
 
 
 def find_symmetries(state: State) -> SymmetryGroup:
-    """The symmetry group of a state; prescribed rulings and open seams are not looked at."""
+    """The symmetry group of a closed band's state; prescribed rulings and open seams are not looked at."""
     exact: list[Symmetry] = []
     near: list[Symmetry] = []
     for reverse in (False, True):
@@ -159,8 +170,15 @@ def find_symmetries(state: State) -> SymmetryGroup:
     return SymmetryGroup(tuple(exact), tuple(near[:MOST_NEAR]))
 
 
+def nearest_image(found: list[Symmetry]) -> Symmetry:
+    """Of images, the plainest of those that are nearest."""
+    best = min(image.residual for image in found)
+    return min((image for image in found if image.residual <= best + EXACT), key=_plainest)
+
+
 def find_image(state: State, other: State, renumbered: bool = True) -> Symmetry:
-    """The relabelling phi and the orthogonal map Q that bring one state nearest to another of the same band.
+    """The relabelling phi and the orthogonal map Q that bring one state nearest to another of the same band,
+    which is closed.
 
     phi(y) = Q y' to within the residual, so that `apply` turns moves of `state` into moves of `other`. Of
     relabellings that do equally well, as on symmetric shapes, it is the one that changes least. All stay as
@@ -173,8 +191,7 @@ def find_image(state: State, other: State, renumbered: bool = True) -> Symmetry:
     for reverse in (False, True):
         for flip in (False, True) if state.band.sigma > 0 else (False,):
             found += _images(state, other, _correlations(state, other, reverse, flip, 1), reverse, flip)
-    best = min(image.residual for image in found)
-    return min((image for image in found if image.residual <= best + EXACT), key=_plainest)
+    return nearest_image(found)
 
 
 def _plainest(image: Symmetry) -> tuple[bool, bool, bool, bool, float]:

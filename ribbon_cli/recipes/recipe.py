@@ -102,11 +102,6 @@ class Way:
     ready: State | None = None
 
 
-def no_stages(_: Settings) -> tuple[str, ...]:
-    """Of a recipe that passes through nothing."""
-    return ()
-
-
 @dataclass(frozen=True)
 class Recipe:
     """The card of a recipe.
@@ -126,7 +121,7 @@ class Recipe:
     passes: str
     freed: str
     way: Callable[[Band, int, Settings], Way]
-    stages: Callable[[Settings], tuple[str, ...]] = no_stages
+    stages: Callable[[Settings], tuple[str, ...]] = lambda _: ()
     keys: tuple[Key, ...] = ()
     segments: Integer = SEGMENTS
     fewest: Callable[[int], int] = lambda _: SEGMENTS.low

@@ -38,8 +38,7 @@ TURNED_OVER = "(Beyond half a turn it turns over at the seam, and turned on it w
 
 
 def twist_stage(half_twists: int, steps: int, index: float) -> Turn:
-    """The auxiliary problem after `index` steps, whole or not, of those that turn the seam by half_twists *
-    pi.
+    """The auxiliary problem after `index` steps, whole or not, of a turn of the seam by half_twists * pi.
 
     Positive is right-handed, Lk > 0. Raises ValueError if half_twists is zero or steps is not positive.
     """

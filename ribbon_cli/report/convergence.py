@@ -8,7 +8,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ribbon_cli.facts import same_width
 
@@ -39,11 +39,16 @@ SOLVER_FLOOR = 1e-11
 """Relative size below which a difference of energies is the solver's tolerance and not the grid's doing."""
 
 
+Others = tuple[tuple[str, float | None], ...]
+"""Parameters by name."""
+
+
 @dataclass(frozen=True)
 class Entry:
     """Energy Q_h of one state: `half_width` b, `segments` N, `energy` (None or not finite: unknown).
 
-    `breaks` is empty, or says why the state is not on the branch of the entry with N/2.
+    `breaks` is empty, or says why the state is not on the branch of the entry with N/2. `others` are the
+    parameters besides b that the entries of a table differ in: energies of several values are never mixed.
     """
 
     half_width: float
@@ -52,6 +57,7 @@ class Entry:
     certified: bool
     label: int | str | None = None
     breaks: str = ""
+    others: Others = ()
 
 
 @dataclass(frozen=True)
@@ -75,6 +81,7 @@ class Row:
     label: int | str | None
     note: str
     doubtful: bool = False
+    others: Others = ()
 
 
 @dataclass(frozen=True)
@@ -94,6 +101,7 @@ class Extrapolation:
     order: float | None
     settled: bool
     reason: str
+    others: Others = ()
 
 
 @dataclass(frozen=True)
@@ -112,20 +120,22 @@ def convergence_rows(entries: Iterable[Entry], length: float = 2 * math.pi) -> T
     """
     rows: list[Row] = []
     extrapolations = []
-    for half_width, group in _groups(entries):
-        rows.extend(_row(half_width, n, group) for n in sorted(group))
-        extrapolations.append(_extrapolate(half_width, group, length))
+    for half_width, others, group in _groups(entries):
+        rows.extend(replace(_row(half_width, n, group), others=others) for n in sorted(group))
+        extrapolations.append(replace(_extrapolate(half_width, group, length), others=others))
     return Table(tuple(rows), tuple(extrapolations), length)
 
 
-def _groups(entries: Iterable[Entry]) -> list[tuple[float, dict[int, Entry]]]:
-    groups: list[tuple[float, dict[int, Entry]]] = []
+def _groups(entries: Iterable[Entry]) -> list[tuple[float, Others, dict[int, Entry]]]:
+    groups: list[tuple[float, Others, dict[int, Entry]]] = []
     for entry in entries:
-        known = (group for b, group in groups if same_width(b, entry.half_width))
+        known = (
+            group for b, others, group in groups if same_width(b, entry.half_width) and others == entry.others
+        )
         group = next(known, None)
         if group is None:
             group = {}
-            groups.append((entry.half_width, group))
+            groups.append((entry.half_width, entry.others, group))
         if entry.segments in group:
             raise ValueError(f"two entries for b = {entry.half_width:g}, N = {entry.segments}")
         group[entry.segments] = entry

@@ -20,6 +20,7 @@ MISSING = "-"
 _LIMIT = ("extrapolated_energy", "extrapolation_error", "settled")
 """Columns of a CSV beside the rows' own."""
 _FOR_PICTURES = "doubtful"
+_OTHERS = "others"
 """The field of a row that people read in its note."""
 
 _LATEX = {"_": r"\_", "|": "$|$", "<": "$<$", ">": "$>$", "%": r"\%", "&": r"\&", "#": r"\#", "^": r"\^{}"}
@@ -93,23 +94,37 @@ def as_csv(table: Table) -> str:
 
     The header is there for a table without rows, too.
     """
-    columns = [field.name for field in fields(Row) if field.name != _FOR_PICTURES]
-    return csv_text(records(table), [*columns, *_LIMIT])
+    columns = [field.name for field in fields(Row) if field.name not in (_FOR_PICTURES, _OTHERS)]
+    return csv_text(records(table), [*columns, *(dict(table.rows[0].others) if table.rows else ()), *_LIMIT])
 
 
 def records(table: Table) -> list[dict[str, object]]:
-    """The rows as flat records, each with the extrapolation of its half-width."""
+    """The rows as flat records, each with the parameters that rows differ in and the extrapolation there."""
     limits = {
-        item.half_width: dict(zip(_LIMIT, (item.energy, item.error, item.settled), strict=True))
+        (item.half_width, item.others): dict(
+            zip(_LIMIT, (item.energy, item.error, item.settled), strict=True)
+        )
         for item in table.extrapolations
     }
-    return [_record(row) | limits[row.half_width] for row in table.rows]
+    return [_record(row) | dict(row.others) | limits[row.half_width, row.others] for row in table.rows]
 
 
 def _record(row: Row) -> dict[str, object]:
     record = asdict(row)
-    del record[_FOR_PICTURES]
+    del record[_FOR_PICTURES], record[_OTHERS]
     return record
+
+
+def _nested(row: Row | Extrapolation) -> dict[str, object]:
+    """A row for JSON, with `parameters` besides b where rows differ in such."""
+    record = _record(row) if isinstance(row, Row) else asdict(row)
+    record.pop(_OTHERS, None)
+    return record | ({"parameters": dict(row.others)} if row.others else {})
+
+
+def _place(row: Row | Extrapolation) -> str:
+    """The half-width, with the parameters that rows differ in: `0.1, shear = 0.3`."""
+    return f"{row.half_width:.10g}" + "".join(f", {name} = {value:.10g}" for name, value in row.others)
 
 
 def csv_text(records: Sequence[Mapping[str, object]], columns: Sequence[str] = ()) -> str:
@@ -127,8 +142,8 @@ def as_json(table: Table) -> str:
     """One document: `rows`, `extrapolation` and `length`; missing is null."""
     document = {
         "length": table.length,
-        "rows": [_record(row) for row in table.rows],
-        "extrapolation": [asdict(item) for item in table.extrapolations],
+        "rows": [_nested(row) for row in table.rows],
+        "extrapolation": [_nested(item) for item in table.extrapolations],
     }
     return json.dumps(document, indent=2, allow_nan=False) + "\n"
 
@@ -144,7 +159,7 @@ RENDERERS: dict[str, Callable[[Table], str]] = {
 
 
 def _sentence(item: Extrapolation) -> str:
-    start = f"b = {item.half_width:.10g}: "
+    start = f"b = {_place(item)}: "
     if item.energy is None:
         return f"{start}no value ({item.reason})"
     state = "" if item.settled else f"order not settled, E_{item.segments} shown: "
@@ -157,7 +172,7 @@ def _number(value: float | None, spec: str) -> str:
 
 def _cells(row: Row) -> list[str]:
     return [
-        f"{row.half_width:.10g}",
+        _place(row),
         str(row.segments),
         MISSING if row.energy is None else energy(row.energy),
         _number(row.delta, ".6g"),

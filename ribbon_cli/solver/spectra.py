@@ -56,10 +56,7 @@ class Spectrum:
 
 
 def sliding_tangent(problem: Problem, x: Array) -> Array:
-    """Tangent (7N,) of the shift along the band, by central differences with the seam's sign; zero between
-    ends."""
-    if not problem.band.closed:
-        return np.zeros(problem.size)
+    """Tangent (7N,) of the shift along a closed band, by central differences with the seam's sign."""
     y = x.reshape(-1, 7)
     sign = np.array([1.0, 1.0, 1.0, *[problem.band.sigma] * 4])
     ahead, behind = np.roll(y, -1, axis=0), np.roll(y, 1, axis=0)
@@ -70,7 +67,10 @@ def sliding_tangent(problem: Problem, x: Array) -> Array:
 
 
 def sliding_covector(problem: Problem, x: Array, mass: scipy.sparse.csr_matrix, rotations: Array) -> Array:
-    """Covector M t / |t| (7N,) of the sliding tangent t, rotations projected out; zero if t is a rotation."""
+    """Covector M t / |t| (7N,) of the sliding tangent t, rotations projected out; zero if t is a rotation,
+    and between ends."""
+    if not problem.band.closed:
+        return np.zeros(problem.size)
     tangent = sliding_tangent(problem, x)
     reach = float(np.linalg.norm(tangent) * np.sqrt(mass.diagonal().max()))
     if rotations.shape[1]:
@@ -166,7 +166,7 @@ def _assemble(
         tuple((["rotation"] * count + labels)[k] for k in order),
         joined(overlaps),
         joined(hidden),
-        np.ascontiguousarray(every[:, stored].T).reshape(stored.size, x.size // 7, 7),
+        np.ascontiguousarray(every[:, stored].T).reshape(stored.size, problem.band.segments, 7),
     )
 
 

@@ -7,7 +7,6 @@ from .hdf5 import decode as decode
 from .hdf5 import encode as encode
 from .layout import FORMAT as FORMAT
 from .layout import FORMAT_VERSION as FORMAT_VERSION
-from .layout import layout_markdown as layout_markdown
 from .npz import export_npz as export_npz
 from .npz import load_npz as load_npz
 from .npz import write_arrays as write_arrays
@@ -28,3 +27,4 @@ from .root import runs_root as runs_root
 from .run import Run as Run
 from .summaries import BranchSummary as BranchSummary
 from .summaries import Summary as Summary
+from .summaries import varying as varying

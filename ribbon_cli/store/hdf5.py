@@ -7,6 +7,7 @@ without it.
 
 from __future__ import annotations
 
+import io
 import math
 import os
 import stat
@@ -18,17 +19,19 @@ from typing import TYPE_CHECKING, Any
 from ribbon_cli.errors import StoreError
 from ribbon_cli.store.atomic import without_waiting
 from ribbon_cli.store.content import values_sha256
-from ribbon_cli.store.fields import Field, assemble, flatten, scales, value_dtype, value_shape
+from ribbon_cli.store.fields import assemble, flatten, scales, value_dtype
 from ribbon_cli.store.layout import DIMENSIONS, EVENTS, FORMAT, FORMAT_VERSION, KINDS_OF_EVENTS, SIGNALS
-from ribbon_cli.store.preamble import block_size, check_seal, check_version, head_version, seal
+from ribbon_cli.store.preamble import block_size, check_seal, check_version, head_version, refuse_newer, seal
 from ribbon_cli.store.record import StateRecord
 from ribbon_cli.store.summaries import Summary
+from ribbon_cli.text import in_a_line
 
 if TYPE_CHECKING:
     import h5py
     import numpy as np
 
     from ribbon_cli.store.fields import Value
+    from ribbon_cli.store.layout import Item
 
 COMPRESS_ABOVE = 64
 """Arrays of more elements are compressed; below, the filter costs more than it saves."""
@@ -42,6 +45,8 @@ MAX_OBJECTS = 1000
 """Most groups and datasets that are visited; a state has less than a hundred."""
 MOST_OF_KINDS = 2**20
 """Most bytes that the kinds of a state's events take."""
+_OF_ANY_WIDTH = {"kind", "stage", "status", "message", "method", "parent_ref"}
+"""Single texts that are of another width in each state; other texts are much the same in all of a run."""
 _FILTERS = {1, 2, 3}  # deflate, shuffle, fletcher32: all built in, so that no plug-in is ever loaded
 UNREADABLE = (
     OSError,
@@ -63,69 +68,98 @@ def encode(record: StateRecord) -> bytes:
 
     Raises ValueError where a field does not fit layout.py.
     """
-    import io
-
-    import h5py
-    from h5py import h5f, h5fd, h5p
+    from h5py import h5d
 
     fields = flatten(record)
     _check_kinds(record)
     content = values_sha256({field.item.path: field.value for field in fields})
     summary = Summary.of(record, content).to_dict()
     fields += scales(fields, record.length, record.segments)
-    image = io.BytesIO()
-    creation = h5p.create(h5p.FILE_CREATE)
-    creation.set_userblock(block_size(summary))
-    creation.set_obj_track_times(False)
-    access = h5p.create(h5p.FILE_ACCESS)
-    # Not the core driver's image: HDF5 before 1.14 hands that out with a superblock whose checksum is not its
-    # own.
-    access.set_fileobj_driver(h5fd.fileobj_driver, image)
-    # A fixed pair of bounds fixes the bytes; v110 checksums its metadata and every HDF5 since 2016 reads it.
-    access.set_libver_bounds(h5f.LIBVER_V110, h5f.LIBVER_V110)
-    with h5py.File(h5f.create(b"state", h5f.ACC_TRUNC, creation, access)) as file:
-        root = {"format": FORMAT, "format_version": FORMAT_VERSION, "content_sha256": content}
-        for name, text in root.items():
-            write_text_attribute(file.id, name, text)
-        _write_groups(file, fields)
-        datasets = {field.item.path: _write_dataset(file, field) for field in fields}
-        if record.event_kinds:
-            write_text_attribute(datasets[EVENTS], KINDS_OF_EVENTS, " ".join(record.event_kinds))
-        _write_axes(file, fields, datasets)
-        datasets.clear()  # what is still open when the file is closed takes h5py longer
+    fixed = [field for field in fields if field.item.field not in _OF_ANY_WIDTH]
+    others = [field for field in fields if field.item.field in _OF_ANY_WIDTH]
+    blank = _blank(block_size(summary), tuple((field.item, *_kind(field.value)) for field in fixed))
+    image = io.BytesIO(blank)
+    with _file_in(image) as file:
+        _overwrite_text_attribute(file, "content_sha256", content)
+        for field in fixed:
+            dataset = h5d.open(file.id, field.item.path.encode())
+            _write_values(dataset, field.value)
+            if field.item.path == EVENTS and record.event_kinds:
+                write_text_attribute(dataset, KINDS_OF_EVENTS, " ".join(record.event_kinds))
+        for field in others:
+            _write_values(_create_dataset(file, field.item, *_kind(field.value)), field.value)
     return seal(image.getvalue(), summary)
 
 
-def _write_axes(file: h5py.File, fields: list[Field], datasets: Mapping[str, Any]) -> None:
+@lru_cache(maxsize=16)
+def _blank(block: int, datasets: tuple[tuple[Item, Any, tuple[int, ...]], ...]) -> bytes:
+    """A state file without values, and without the texts that are of another width in each state.
+
+    Groups, datasets and their attributes are the same in most states of a run, and to make them takes
+    longer than to fill them.
+    """
+    image = io.BytesIO()
+    with _file_in(image, block) as file:
+        root = {"format": FORMAT, "format_version": FORMAT_VERSION, "content_sha256": "0" * 64}
+        for name, text in root.items():
+            write_text_attribute(file.id, name, text)
+        _write_groups(file, [item for item, _, _ in datasets])
+        made = {item: _create_dataset(file, item, kind, shape) for item, kind, shape in datasets}
+        _write_axes(file, made)
+        made.clear()  # what is still open when the file is closed takes h5py longer
+    return image.getvalue()
+
+
+def _file_in(image: io.BytesIO, block: int | None = None) -> h5py.File:
+    """Open an HDF5 file in memory; with the size of a user block, create one.
+
+    It is not the core driver's image: HDF5 before 1.14 hands that out with a superblock whose checksum is
+    not its own.
+    """
+    import h5py
+    from h5py import h5f, h5fd, h5p
+
+    access = h5p.create(h5p.FILE_ACCESS)
+    access.set_fileobj_driver(h5fd.fileobj_driver, image)
+    # A fixed pair of bounds fixes the bytes; v110 checksums its metadata and every HDF5 since 2016 reads it.
+    access.set_libver_bounds(h5f.LIBVER_V110, h5f.LIBVER_V110)
+    if block is None:
+        return h5py.File(h5f.open(b"state", h5f.ACC_RDWR, access))
+    creation = h5p.create(h5p.FILE_CREATE)
+    creation.set_userblock(block)
+    creation.set_obj_track_times(False)
+    return h5py.File(h5f.create(b"state", h5f.ACC_TRUNC, creation, access))
+
+
+def _write_axes(file: h5py.File, datasets: Mapping[Item, Any]) -> None:
     """Make the scales dimension scales, attach them, and say what a viewer is to show of each group."""
     from h5py import h5ds
 
-    for path, dataset in datasets.items():
-        name = path.rpartition("/")[2]
-        if name in DIMENSIONS:
-            h5ds.set_scale(dataset, name.encode())
-    for field in fields:
-        name = field.item.path.rpartition("/")[2]
-        if name in DIMENSIONS:
+    by_path = {item.path: dataset for item, dataset in datasets.items()}
+    for item, dataset in datasets.items():
+        if item.field in DIMENSIONS:
+            h5ds.set_scale(dataset, item.field.encode())
+    for item, dataset in datasets.items():
+        if item.field in DIMENSIONS:
             continue
-        for axis, dim in enumerate(field.item.dims):
-            h5ds.attach_scale(datasets[field.item.path], datasets[f"{field.item.group}/{dim}"], axis)
-        if SIGNALS.get(field.item.group) == name:
-            group = file[field.item.group].id
+        for axis, dim in enumerate(item.dims):
+            h5ds.attach_scale(dataset, by_path[f"{item.group}/{dim}"], axis)
+        if SIGNALS.get(item.group) == item.field:
+            group = file[item.group].id
             write_text_attribute(group, "NX_class", "NXdata")
-            write_text_attribute(group, "signal", name)
-            write_text_attribute(group, "axes", *field.item.dims)
+            write_text_attribute(group, "signal", item.field)
+            write_text_attribute(group, "axes", *item.dims)
 
 
-def _write_groups(file: h5py.File, fields: list[Field]) -> None:
+def _write_groups(file: h5py.File, items: list[Item]) -> None:
     """Create the groups of all paths, without times."""
     from h5py import h5g, h5p
 
     creation = h5p.create(h5p.GROUP_CREATE)
     creation.set_obj_track_times(False)
     done = {""}
-    for field in fields:
-        parts = field.item.path.split("/")[1:-1]
+    for item in items:
+        parts = item.path.split("/")[1:-1]
         for depth in range(1, len(parts) + 1):
             path = "/".join(parts[:depth])
             if path not in done:
@@ -200,28 +234,51 @@ def _creation(shape: tuple[int, ...], compressed: bool) -> Any:
     return creation
 
 
-def _write_dataset(file: h5py.File, field: Field) -> Any:
-    """Write one dataset with its three attributes and return its id; arrays are checksummed, longer ones
+def _kind(value: Value) -> tuple[Any, tuple[int, ...]]:
+    """Type and shape of a value's dataset; a text's type is the width in bytes of the longest."""
+    if isinstance(value, str):
+        return max(1, len(value.encode())), ()
+    if isinstance(value, tuple):
+        return max([1, *(len(text.encode()) for text in value)]), (len(value),)
+    return value.dtype, value.shape
+
+
+def _create_dataset(file: h5py.File, item: Item, kind: Any, shape: tuple[int, ...]) -> Any:
+    """Make a dataset with its three attributes and return its id; arrays are checksummed, longer ones
     compressed.
     """
-    import numpy as np
-    from h5py import h5d, h5s
+    from h5py import h5d
 
-    value = field.value
-    if isinstance(value, str | tuple):
-        texts = [text.encode() for text in ((value,) if isinstance(value, str) else value)]
-        kind = _text_type(max([1, *map(len, texts)]))
-        data = np.array(texts, dtype=kind.dtype).reshape(value_shape(value))
-    else:
-        data = value
-        kind = _number_type(data.dtype)
-    creation = _creation(data.shape, data.size > COMPRESS_ABOVE)
-    dataset = h5d.create(file.id, field.item.path.encode(), kind, _space(data.shape), creation)
-    if data.size:
-        dataset.write(h5s.ALL, h5s.ALL, data, mtype=kind)
+    of_file = _text_type(kind) if isinstance(kind, int) else _number_type(kind)
+    creation = _creation(shape, math.prod(shape) > COMPRESS_ABOVE)
+    dataset = h5d.create(file.id, item.path.encode(), of_file, _space(shape), creation)
     for name in ("description", "units", "equation"):
-        write_text_attribute(dataset, name, getattr(field.item, name))
+        write_text_attribute(dataset, name, getattr(item, name))
     return dataset
+
+
+def _write_values(dataset: Any, value: Value) -> None:
+    """Write all of a dataset."""
+    import numpy as np
+    from h5py import h5s
+
+    kind, shape = _kind(value)
+    if isinstance(value, str | tuple):
+        memory = _text_type(kind)
+        texts = [text.encode() for text in ((value,) if isinstance(value, str) else value)]
+        data = np.array(texts, dtype=memory.dtype).reshape(shape)
+    else:
+        memory, data = _number_type(kind), value
+    if data.size:
+        dataset.write(h5s.ALL, h5s.ALL, data, mtype=memory)
+
+
+def _overwrite_text_attribute(file: h5py.File, name: str, text: str) -> None:
+    """Write another text of the same width into a root attribute."""
+    from h5py import h5a
+
+    kind, _, data = _text_value((text,))
+    h5a.open(file.id, name.encode()).write(data, mtype=kind)
 
 
 def decode(path: str | Path) -> StateRecord:
@@ -274,8 +331,7 @@ def decode_bytes(data: bytes, source: str) -> StateRecord:
                 raise ValueError("the summary in its head is not that of its content")
             return record
     except UNREADABLE as error:
-        reason = " ".join(str(error).split()) or type(error).__name__
-        raise StoreError(f"{source}: damaged, or not a state file: {reason}") from error
+        raise StoreError(f"{source}: damaged, or not a state file: {in_a_line(error)}") from error
 
 
 def _check_root(file: h5py.File, source: str, head: str | None) -> str:
@@ -289,9 +345,8 @@ def _check_root(file: h5py.File, source: str, head: str | None) -> str:
         raise StoreError(f"{source}: a packed run, no state: `ribbon unpack` makes a run of it again")
     if name != FORMAT:
         raise ValueError(f"its format is {name!r}, not {FORMAT!r}")
+    refuse_newer(version, source)
     major, _, minor = version.partition(".")
-    if int(major) > int(FORMAT_VERSION.partition(".")[0]):
-        raise StoreError(f"{source}: written in format {version}, newer than {FORMAT_VERSION}: update ribbon")
     if head != (version if (int(major), int(minor)) > (1, 0) else None):
         raise ValueError("its head is missing, or of another version")
     return text_attribute(file, "content_sha256")

@@ -206,7 +206,8 @@ STATE = _items((
     ("/multipliers/gamma", "float64", "xyz", "", "(1.58)",
      "closure force, multiplier of the integral of d'"),
     ("/multipliers/lambda_end", "float64", "", "o", "",
-     "multiplier of (u_N - t_B).g_{N+1} / h at a strip's end; absent: a closed band, or a free end"),
+     "multiplier of a strip's end row, (t_B - u_N).g_{N+1}, of a free end |g_{N+1}|^2 - (g_{N+1}.u_N)^2 - 1; "
+     "absent: a closed band"),
     ("/reactions/reaction_force", "float64", "xyz", "o", "",
      "force that what holds the end exerts on an open strip, in the start's frame; absent: a closed band"),
     ("/reactions/reaction_moment", "float64", "xyz", "o", "",
@@ -340,24 +341,3 @@ def provenance_item(key: str, value: str | int | float) -> Item:
     package = key.removeprefix("version_")
     default = f"version of {package}" if package != key else "given by the program that wrote the file"
     return Item(f"/provenance/{key}", dtype, (), "none", PROVENANCE.get(key, default))
-
-
-def layout_markdown() -> str:
-    """Return the table of docs/format.md: one Markdown row for every dataset."""
-    rows = ["| path | type | dimensions | equation | description |", "|---|---|---|---|---|"]
-    for item in (*STATE, *ENDS, *MATERIAL, *LOADS, *SPECTRUM, *BRANCH):
-        shape = "(" + ", ".join(item.dims) + (",)" if len(item.dims) == 1 else ")")
-        kind = f"{item.dtype}, optional" if item.optional else item.dtype
-        description = item.description.replace("|", "\\|")
-        rows.append(f"| `{item.path}` | {kind} | {shape} | {item.equation} | {description} |")
-    for key, description in PROVENANCE.items():
-        rows.append(f"| `/provenance/{key}` | scalar, optional | () | none | {description} |")
-    return "\n".join(rows) + "\n"
-
-
-def dimensions_markdown() -> str:
-    """Return the table of the dimensions in docs/format.md."""
-    rows = ["| scale | size | type | description |", "|---|---|---|---|"]
-    for name, dimension in DIMENSIONS.items():
-        rows.append(f"| `{name}` | {dimension.size} | {dimension.dtype} | {dimension.description} |")
-    return "\n".join(rows) + "\n"

@@ -19,6 +19,7 @@ from ribbon_cli.store.atomic import write_atomic
 from ribbon_cli.store.content import content_sha256
 from ribbon_cli.store.hdf5 import MAX_BYTES
 from ribbon_cli.store.record import REACTIONS, StateRecord
+from ribbon_cli.text import in_a_line
 
 UNKNOWN = -1
 """Stands for an undetermined `negative_eigenvalues`: npz has no None."""
@@ -112,7 +113,7 @@ def load_npz(path: str | Path) -> dict[str, Any]:
     except OSError as error:
         raise StoreError(f"{path}: cannot be read: {error.strerror or error}") from error
     except _UNREADABLE as error:
-        raise StoreError(f"{path}: not a state: {' '.join(str(error).split())}") from error
+        raise StoreError(f"{path}: not a state: {in_a_line(error)}") from error
 
 
 def _read_member(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> np.ndarray[Any, Any]:

@@ -24,7 +24,9 @@ from ribbon_cli.store.events import Created, Entry, removed
 from ribbon_cli.store.folder import CONFIG, LOG, RESOLVED, STATES, place, state_name
 from ribbon_cli.store.hdf5 import MAX_BYTES, PACK, UNREADABLE, check_dataset, read_bytes, text_attribute
 from ribbon_cli.store.hdf5 import write_text_attribute as write_text
+from ribbon_cli.store.preamble import refuse_newer
 from ribbon_cli.store.run import Run
+from ribbon_cli.text import in_a_line
 
 FORMAT = PACK
 FORMAT_VERSION = "1.1"
@@ -231,11 +233,7 @@ def _run_name(path: Path) -> str:
     with h5py.File(path, "r") as file:
         if text_attribute(file, "format") != FORMAT:
             raise ValueError(f"its format is {text_attribute(file, 'format')!r}, not {FORMAT!r}")
-        version = text_attribute(file, "format_version")
-        if int(version.partition(".")[0]) > int(FORMAT_VERSION.partition(".")[0]):
-            raise StoreError(
-                f"{path}: written in format {version}, newer than {FORMAT_VERSION}: update ribbon"
-            )
+        refuse_newer(text_attribute(file, "format_version"), path, FORMAT_VERSION)
         name = text_attribute(file, "run")
         if not _RUN_NAME.fullmatch(name):
             raise ValueError(f"{name!r} is no run's name")
@@ -283,5 +281,4 @@ def _read_file(file: h5py.File, name: str) -> bytes:
 
 def _not_a_pack(path: Path, error: Exception) -> StoreError:
     """One line for a file that cannot be unpacked."""
-    reason = " ".join(str(error).split()) or type(error).__name__
-    return StoreError(f"{path}: damaged, or not a packed run: {reason}")
+    return StoreError(f"{path}: damaged, or not a packed run: {in_a_line(error)}")

@@ -49,9 +49,14 @@ def seal(image: bytes, summary: dict[str, Any]) -> bytes:
 def check_version(data: bytes, source: str) -> None:
     """Refuse a file of a newer major version, however it goes on. Raises StoreError."""
     found = re.match(rb"ribbon-state (\d{1,4})\.(\d{1,4}) ", data)
-    if found and int(found[1]) > int(FORMAT_VERSION.partition(".")[0]):
-        version = f"{int(found[1])}.{int(found[2])}"
-        raise StoreError(f"{source}: written in format {version}, newer than {FORMAT_VERSION}: update ribbon")
+    if found:
+        refuse_newer(f"{int(found[1])}.{int(found[2])}", source)
+
+
+def refuse_newer(version: str, source: object, known: str = FORMAT_VERSION) -> None:
+    """Raise StoreError for a major version newer than the one that is known; ValueError for none."""
+    if int(version.partition(".")[0]) > int(known.partition(".")[0]):
+        raise StoreError(f"{source}: written in format {version}, newer than {known}: update ribbon")
 
 
 def head_version(data: bytes) -> str | None:

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 from ribbon_cli.errors import StoreError
-from ribbon_cli.facts import kinds_of
 from ribbon_cli.store import configs, log
 from ribbon_cli.store.atomic import TEMPORARY, is_passing, put_aside, unused_name, write_atomic, write_error
 from ribbon_cli.store.events import Created, Entry, Event, removed
@@ -208,8 +207,8 @@ def _checked_entry(folder: Path, entry: Entry, there: Collection[int]) -> tuple[
         if hashlib.sha256(data).hexdigest() != entry.sha256:
             raise ValueError("not the bytes that were committed")
         state = _summary(data, path)
-        kinds = {"event_kinds": list(kinds_of(entry.state.events))}  # earlier formats lack them
-        if kinds | state == kinds | entry.document["state"]:
+        added = entry.state.added()
+        if added | state == added | entry.document["state"]:
             return entry, ""
         anew = _readable(state_entry(state, data) | {"time": entry.time})
         return anew, f"wrote the line on state {label} anew"

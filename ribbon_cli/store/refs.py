@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 import difflib
-import math
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import NamedTuple
 
-from ribbon_cli.errors import UsageError
+from ribbon_cli import config as configs
+from ribbon_cli.errors import RibbonError, UsageError
 from ribbon_cli.expression import evaluate
-from ribbon_cli.facts import same_width
-from ribbon_cli.store.folder import is_run
+from ribbon_cli.facts import same_value
+from ribbon_cli.parts import HALF_WIDTH, PARAMETERS
+from ribbon_cli.store.folder import RESOLVED, is_run
 from ribbon_cli.store.root import named
 from ribbon_cli.store.run import Run
-from ribbon_cli.store.summaries import Summary
+from ribbon_cli.store.summaries import Summary, varying
 
 _FILES = (".h5", ".hdf5", ".npz")
+_SYMBOLS = {row.symbol: name for name, row in PARAMETERS.items()}
 _SHOWN = 12
 """Most names or values that a message lists."""
 
@@ -89,10 +91,9 @@ def resolve_state(
 ) -> tuple[Run | None, int | None, Path]:
     """Return run, label and file of the state that a reference names.
 
-    `RUN:LABEL`; `RUN@b=0.5,N=400` (equilibria only, either part may be left out, of several the one that is
-    `meant`); or a path to a state's HDF5 or npz file, whose run and label are None outside a run. `tell` is
-    called with a sentence on the choice where the reference leaves one. Raises UsageError, saying what there
-    is instead, when it names none.
+    `RUN:LABEL`; `RUN@b=0.5,shear=0.3,N=400` (equilibria only, by `select`); or a path to a state's HDF5 or
+    npz file, whose run and label are None outside a run. `tell` is called with a sentence on the choice where
+    the reference leaves one. Raises UsageError, saying what there is instead, when it names none.
     """
     if ref.endswith(_FILES) or os.path.isfile(ref):
         return _from_path(Path(ref))
@@ -120,12 +121,12 @@ def resolve_state(
 def find_states(root: str | Path, ref: str, all: bool = False) -> tuple[Run, list[Summary]]:
     """Return a run and the summaries of its equilibria, or of `all` its states: those that `ref` names.
 
-    `ref` is a run, or RUN@b=0.5,N=400 with either part left out. Raises UsageError.
+    `ref` is a run, or RUN@b=0.5,shear=0.3,N=400 with any part left out, whatever it is. Raises UsageError.
     """
     name, at, query = ref.partition("@")
-    b, segments = _parse_query(ref, query) if at else (None, None)
+    values, segments = _parse_query(ref, query) if at else ({}, None)
     run = find_run(root, name)
-    return run, [state for state in run.states(all=all) if _is_at(state, b, segments)]
+    return run, [state for state in run.states(all=all) if _is_at(state, values, segments)]
 
 
 def _from_path(path: Path) -> tuple[Run | None, int | None, Path]:
@@ -148,32 +149,50 @@ def _parse_label(ref: str, text: str) -> int:
     return int(text)
 
 
-def _parse_query(ref: str, query: str) -> tuple[float | None, int | None]:
-    """b and N of `b=0.5,N=400`; b may be spelled as in a config, `b=pi/6`. Raises UsageError."""
-    wanted: dict[str, Any] = {}
+def _parse_query(ref: str, query: str) -> tuple[dict[str, float], int | None]:
+    """Parameters by name and N of `b=0.5,shear=0.3,N=400`; values may be spelled as in a config, `b=pi/6`.
+
+    Raises UsageError.
+    """
+    wanted: dict[str, float] = {}
+    segments: int | None = None
     for part in query.split(","):
         key, _, text = (piece.strip() for piece in part.partition("="))
-        if key not in ("b", "N") or key in wanted:
-            raise UsageError(f"{ref!r}: expected RUN@b=...,N=..., got {part!r}")
+        expected = f"{ref!r}: expected RUN@b=...,N=..., got {part!r}"
+        name = _SYMBOLS.get(key, key)
+        if key != "N" and name not in PARAMETERS:
+            near = suggest(key, (*_SYMBOLS, *PARAMETERS)) if key else ""
+            raise UsageError(f"{expected}: no parameter {key!r}{near}")
+        if name in wanted or (key == "N" and segments is not None):
+            raise UsageError(f"{expected}: {name} is given twice")
         try:
-            wanted[key] = evaluate(text) if key == "b" else int(text)
+            if key == "N":
+                segments = int(text)
+            else:
+                wanted[name] = evaluate(text)
         except ValueError as error:
-            why = f" ({error})" if key == "b" else ""
+            why = "" if key == "N" else f" ({error})"
             raise UsageError(f"{ref!r}: {key} must be a number, got {text!r}{why}") from None
-    return wanted.get("b"), wanted.get("N")
+    return wanted, segments
 
 
-def select(run: Run, b: float | None = None, segments: int | None = None) -> tuple[Summary, str]:
-    """The equilibrium that a half-width, N or both mean: the one rule for what is typed and for what programs
+def select(
+    run: Run, values: Mapping[str, float] | None = None, segments: int | None = None
+) -> tuple[Summary, str]:
+    """The equilibrium that parameters, N or both mean: the one rule for what is typed and for what programs
     ask for.
 
-    With it comes a sentence on which was taken, and why that one; empty where there was no choice, and the
-    state is certified. Raises UsageError, saying what there is instead, when there is none.
+    A parameter that is left out, and that the states differ in, has the last value in the run's config; the
+    half-width of closed bands may be any. With it comes a sentence on which was taken, and why that one;
+    empty where there was no choice, and the state is certified. Raises UsageError, saying what there is
+    instead, when there is none.
     """
-    fitting = _fitting(run, b, segments)
+    fitting, assumed = _fitting(run, values or {}, segments)
     state = meant(fitting)
-    told = segments is None or len(fitting) > 1 or not state.certified
-    return state, _choice(state, fitting) if told else ""
+    told = segments is None or len(fitting) > 1 or not state.certified or bool(assumed)
+    shown = (HALF_WIDTH, *varying(run.states())) if told else ()
+    words = (f"{_said({name: state.parameters[name]})}, the last value in the config" for name in assumed)
+    return state, "; ".join([_choice(state, fitting, shown), *words]) if told else ""
 
 
 def no_equilibria(run: Run) -> str:
@@ -189,18 +208,46 @@ def meant(states: Sequence[Summary]) -> Summary:
     return max(reversed(certified or states), key=lambda state: state.segments)
 
 
-def by_place(states: Iterable[Summary]) -> dict[tuple[float, int], list[Summary]]:
-    """States by half-width and N, in this order; those of one place in the order stored."""
-    places: dict[tuple[float, int], list[Summary]] = {}
-    width = -math.inf
-    for state in sorted(states, key=lambda state: state.half_width):
-        if not same_width(width, state.half_width):
-            width = state.half_width
-        places.setdefault((width, state.segments), []).append(state)
-    return {place: sorted(places[place], key=lambda state: state.label) for place in sorted(places)}
+class Place(NamedTuple):
+    """Where a state is: its half-width, N, and its other parameters by name."""
+
+    half_width: float
+    segments: int
+    others: tuple[tuple[str, float | None], ...] = ()
 
 
-def _choice(taken: Summary, fitting: Sequence[Summary]) -> str:
+def by_place(states: Iterable[Summary]) -> dict[Place, list[Summary]]:
+    """States by place, in the order of half-widths, then of other parameters, then of N.
+
+    Those of one place are in the order stored.
+    """
+    states = list(states)
+    one = {name: _representatives(states, name) for name in PARAMETERS}
+    places: dict[Place, list[Summary]] = {}
+    for state in states:
+        known = {name: one[name][value] for name, value in state.parameters.items()}
+        b = known.pop(HALF_WIDTH)
+        assert b is not None
+        places.setdefault(Place(b, state.segments, tuple(known.items())), []).append(state)
+
+    def order(place: Place) -> tuple[object, ...]:
+        return place.half_width, [value or 0.0 for _, value in place.others], place.segments
+
+    return {place: sorted(places[place], key=lambda s: s.label) for place in sorted(places, key=order)}
+
+
+def _representatives(states: Sequence[Summary], name: str) -> dict[float | None, float | None]:
+    """For each value that states have of a parameter the smallest that is the same."""
+    found: dict[float | None, float | None] = {None: None}
+    last: float | None = None
+    lengths = {state.parameters.get(name): state.length for state in states}
+    for value in sorted(value for value in lengths if value is not None):
+        last = last if last is not None and same_value(name, last, value, lengths[value]) else value
+        found[value] = last
+    return found
+
+
+def _choice(taken: Summary, fitting: Sequence[Summary], shown: Iterable[str]) -> str:
     """Which of the equilibria that fit a reference was taken, and why that one."""
     rivals = [state for state in fitting if state.certified == taken.certified]
     alike = [state for state in rivals if state.segments == taken.segments]
@@ -211,30 +258,76 @@ def _choice(taken: Summary, fitting: Sequence[Summary]) -> str:
         why = f"{which} one {among}" if len(fitting) == 1 else f"{which} certified one {among}"
     else:
         why = f"{which} one {among}, without certificate" + ("" if len(fitting) == 1 else " like the others")
-    place = f"b = {taken.half_width:.10g}, N = {taken.segments}"
+    place = f"{_said({name: taken.parameters[name] for name in shown})}, N = {taken.segments}"
     return f"state {taken.label} is taken ({place}), {why}"
 
 
-def _fitting(run: Run, b: float | None, segments: int | None) -> list[Summary]:
-    """The equilibria at a half-width, of one N or both, at least one. Raises UsageError."""
+def _fitting(
+    run: Run, values: Mapping[str, float], segments: int | None
+) -> tuple[list[Summary], tuple[str, ...]]:
+    """The equilibria with these parameters, of one N or both, at least one; and the parameters that were left
+    out and taken from the config. Raises UsageError.
+    """
     states = run.states()
     if not states:
         raise UsageError(no_equilibria(run))
-    at_width = [state for state in states if _is_at(state, b)]
-    if not at_width:
-        widths = _join(f"{b:.10g}" for b in sorted({state.half_width for state in states}))
-        raise UsageError(f"{run.name} has no equilibrium with b = {b:.10g}: it has b = {widths}")
-    fitting = [state for state in at_width if _is_at(state, None, segments)]
+    words: list[str] = []
+    for name, value in values.items():
+        if not any(name in state.parameters for state in states):
+            known = ", ".join(PARAMETERS[name].symbol for name in states[-1].parameters)
+            raise UsageError(f"{run.name} has no parameter {name}: it has {known}")
+        words.append(_said({name: value}))
+        states = _narrowed(run, states, name, value, " and ".join(words))
+    assumed = []
+    free = varying(states)
+    if not states[-1].sigma and len({state.half_width for state in states}) > 1:
+        free = (HALF_WIDTH, *free)
+    last = _last_values(run) if free else {}
+    for name in free:
+        if name in last and len(by_place(states)) > 1:
+            words.append(_said({name: last[name]}))
+            states = _narrowed(run, states, name, last[name], " and ".join(words))
+            assumed.append(name)
+    if segments is None:
+        return states, tuple(assumed)
+    fitting = [state for state in states if state.segments == segments]
     if not fitting:
-        meshes = _join(map(str, sorted({state.segments for state in at_width})))
-        where = "" if b is None else f"b = {b:.10g} and "
+        meshes = _join(map(str, sorted({state.segments for state in states})))
+        where = "".join(f"{word} and " for word in words)
         raise UsageError(f"{run.name} has no equilibrium with {where}N = {segments}: it has N = {meshes}")
+    return fitting, tuple(assumed)
+
+
+def _narrowed(run: Run, states: Sequence[Summary], name: str, value: float, words: str) -> list[Summary]:
+    """Those of the states that have a value of a parameter. Raises UsageError; `words` say what was asked."""
+    fitting = [state for state in states if _is_at(state, {name: value})]
+    if not fitting:
+        there = {state.parameters.get(name) for state in states}
+        has = _join(f"{value:.10g}" for value in sorted(value for value in there if value is not None))
+        symbol = PARAMETERS[name].symbol
+        raise UsageError(f"{run.name} has no equilibrium with {words}: it has {symbol} = {has}")
     return fitting
 
 
-def _is_at(state: Summary, b: float | None = None, segments: int | None = None) -> bool:
-    """Whether a state has the half-width and the N asked for."""
-    return (b is None or same_width(state.half_width, b)) and segments in (None, state.segments)
+def _last_values(run: Run) -> dict[str, float]:
+    """The parameters after the last leg of the run's config, nothing where it cannot be read."""
+    try:
+        return configs.load_config(run.path / RESOLVED).last()
+    except RibbonError:
+        return {}
+
+
+def _is_at(state: Summary, values: Mapping[str, float], segments: int | None = None) -> bool:
+    """Whether a state has the parameters and the N asked for."""
+    return segments in (None, state.segments) and all(
+        (found := state.parameters.get(name)) is not None and same_value(name, found, value, state.length)
+        for name, value in values.items()
+    )
+
+
+def _said(values: Mapping[str, float | None]) -> str:
+    """Parameters with their values: `b = 0.5, shear = 0.3`."""
+    return ", ".join(f"{PARAMETERS[name].symbol} = {value:.10g}" for name, value in values.items())
 
 
 def _join(words: Iterable[str]) -> str:

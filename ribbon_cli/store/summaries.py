@@ -112,12 +112,17 @@ class Summary:
     event_kinds: tuple[str, ...]
     branch: BranchSummary | None
     content_sha256: str
-    parameters: Mapping[str, float | None] = field(default_factory=dict, hash=False)
+    others: Mapping[str, float | None] = field(default_factory=dict, hash=False)
     bending_energy: float | None = None
     reaction_force: Vector | None = None
     reaction_moment: Vector | None = None
     start_force: Vector | None = None
     start_moment: Vector | None = None
+
+    @property
+    def parameters(self) -> dict[str, float | None]:
+        """All parameters that the problem has, by name: the half-width and `others`."""
+        return {HALF_WIDTH: self.half_width, **self.others}
 
     @classmethod
     def of(cls, record: StateRecord, content: str | None = None) -> Summary:
@@ -132,7 +137,8 @@ class Summary:
                 **{item.field: _plain(record.branch, item) for item in BRANCH if item.summary},
                 parameter=record.branch.parameter,
             )
-        values["parameters"] = {name: _finite(value) for name, value in record.parameters.items()}
+        others = {name: value for name, value in record.parameters.items() if name != HALF_WIDTH}
+        values["others"] = {name: _finite(value) for name, value in others.items()}
         bending = record.energy if record.bending_energy is None else record.bending_energy
         values["bending_energy"] = _finite(bending)
         for name in REACTIONS:
@@ -180,7 +186,7 @@ class Summary:
         known = vars(self)
         document = dict(zip(_KEYS, _values(known), strict=True))
         document["topology"] = {name: known[name] for name in _TOPOLOGY} if self.sigma else dict(_OPEN)
-        document["parameters"] = dict(self.parameters)
+        document["parameters"] = self.parameters
         document["bending_energy"] = self.bending_energy
         document |= {name: list(known[name]) for name in REACTIONS if known[name] is not None}
         document["events"] = list(self.events)
@@ -195,14 +201,17 @@ class Summary:
         return {"run": run, **self.to_dict()}
 
     def agrees(self, document: Mapping[str, Any]) -> bool:
-        """Whether a stored document is this summary; what a newer version has put into it is passed over.
+        """Whether a stored document is this summary; what a newer version has put into it is passed over."""
+        known = {**self.added(), **document}
+        return all(key in known and known[key] == value for key, value in self.to_dict().items())
 
-        One of an earlier format lacks the kinds of events, which its sentences tell, and what strips brought.
+    def added(self) -> dict[str, Any]:
+        """What summaries of earlier formats lack: kinds of events, which its sentences tell, and what strips
+        brought.
         """
         mine = self.to_dict()
         brought = {name: mine[name] for name in ("parameters", "bending_energy")}
-        known = {"event_kinds": list(kinds_of(self.events)), **brought, **document}
-        return all(key in known and known[key] == value for key, value in mine.items())
+        return {"event_kinds": list(kinds_of(self.events)), **brought}
 
 
 def _newer(document: dict[str, Any], values: dict[str, Any], of: str) -> dict[str, Any]:
@@ -228,7 +237,12 @@ def _newer(document: dict[str, Any], values: dict[str, Any], of: str) -> dict[st
     ]
     if any(type(n) not in _JSON["float64"] or not math.isfinite(n or 0.0) for n in numbers):
         raise ValueError(f"parameters, bending_energy or a reaction {of}")
-    return found | {name: tuple(found[name]) for name in REACTIONS if found[name] is not None}
+    others = {name: value for name, value in found.pop("parameters").items() if name != HALF_WIDTH}
+    return {
+        **found,
+        "others": others,
+        **{name: tuple(found[name]) for name in REACTIONS if found[name] is not None},
+    }
 
 
 def varying(states: Iterable[Summary]) -> tuple[str, ...]:

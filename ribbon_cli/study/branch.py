@@ -270,7 +270,7 @@ class Branches:
             end.value if self.name == HALF_WIDTH else last.half_width,
             f"{self._sentence(end)} {end.detail}".strip(),
             self.name,
-            end.value,
+            None if self.name == HALF_WIDTH else end.value,
         )
         self.courses.append(course)
         noted = {

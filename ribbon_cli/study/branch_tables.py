@@ -13,10 +13,11 @@ GOES_ON = "unfinished"
 _UNFINISHED = "It was interrupted, or points of it were removed: the same command goes on."
 
 
-def course_point(state: Summary) -> CoursePoint:
-    """A point of a branch from its state's summary."""
-    known = vars(state) | (vars(state.branch) if state.branch else {})
-    return CoursePoint(**{field.name: known[field.name] for field in fields(CoursePoint)})
+def course_point(state: Summary, kind: str = "") -> CoursePoint:
+    """A point of a branch from its state's summary; `kind` is its type without arclength continuation."""
+    known = vars(state) | (vars(state.branch) if state.branch else {"type": kind})
+    names = [field.name for field in fields(CoursePoint)]
+    return CoursePoint(**{name: known[name] for name in names if name in known})
 
 
 def courses(run: Run) -> tuple[Course, ...]:

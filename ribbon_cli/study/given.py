@@ -16,6 +16,7 @@ from ..facts import Event, event
 from ..model.band import Band, Discretisation, State
 from ..model.folding import close, facet_frames, from_state, to_state
 from ..model.topology import CLOSURE_TOLERANCE, linking_number
+from ..parts import CLOSED
 from ..store import Run, StateRecord, decode, load_npz, resolve_state
 from .plan import start_name, start_width
 from .records import state_of
@@ -75,7 +76,10 @@ def _given_state(config: Config, root: Path, tell: Callable[[str], object] | Non
         except StoreError as error:  # not of the store: a file of the user's own
             raise UsageError(str(error)) from error
         length, sigma, n = float(data["length"]), int(data["sigma"]), int(data["xi"].size)
-        found = State(Band(n, float(data["half_width"]), length, sigma), data["u"], data["g"], data["xi"])
+        _check_topology(config, sigma, ref)
+        parts = data.get("parts", CLOSED)
+        band = Band(n, float(data["half_width"]), length, sigma, parts=parts)
+        found = State(band, data["u"], data["g"], data["xi"])
     else:
         record = _record(run, label, path)
         if record.kind == "auxiliary":
@@ -83,6 +87,7 @@ def _given_state(config: Config, root: Path, tell: Callable[[str], object] | Non
                 f"{ref}: an auxiliary state ({record.stage}): its rulings are prescribed or its seam is "
                 "open; start from an equilibrium"
             )
+        _check_topology(config, record.sigma, ref)
         found = state_of(record)
     mark = _mark(found)
     if path.suffix == ".npz":
@@ -99,6 +104,13 @@ def _given_state(config: Config, root: Path, tell: Callable[[str], object] | Non
     return Given(
         State(band, found.u, found.g, found.xi), f"{config.guess.state_as_written or ref} ({mark})", closing
     )
+
+
+def _check_topology(config: Config, sigma: int, ref: str) -> None:
+    """Raise UsageError for an open strip where a closed band is wanted, or the other way round."""
+    if (sigma == 0) != config.open:
+        kinds = ("a closed band", "an open strip")
+        raise UsageError(f"{ref}: is {kinds[sigma == 0]}, where the config is about {kinds[config.open]}")
 
 
 def _closed(state: State, ref: str) -> tuple[State, Event | None]:

@@ -10,8 +10,9 @@ from ..parts import HALF_WIDTH, PARAMETERS
 from ..solver.branch import End, Reason
 from ..solver.status import Status
 from ..store import Summary
+from .branch_tables import course_point
 from .failure import Failure
-from .outcome import Course, CoursePoint
+from .outcome import Course
 from .plan import MOST_HALVINGS
 from .records import multipliers_of, state_of
 from .stepping import step_to
@@ -47,10 +48,10 @@ class Natural:
         end = end or End(Reason.RANGE, to)
         message = f"{end.reason.sentence} {end.detail}".strip()
         self.journal.note(f"{name} ends at {self.symbol} = {end.value:.12g}: {message}")
-        points = tuple(_point(record, kind) for record, kind in self.met)
+        points = tuple(course_point(record, kind) for record, kind in self.met)
         last = self.met[-1][0] if self.met else self.start
         width = end.value if self.name == HALF_WIDTH else last.half_width
-        where = (width, message, self.name, end.value)
+        where = (width, message, self.name, None if self.name == HALF_WIDTH else end.value)
         return Course(name, self.start.label, points, end.reason.value, *where)
 
     def _value(self, state: Summary) -> float:
@@ -146,23 +147,3 @@ class Natural:
             start=start.parameters,
             target=target,
         )
-
-
-def _point(record: Summary, kind: str) -> CoursePoint:
-    return CoursePoint(
-        label=record.label,
-        type=kind,
-        half_width=record.half_width,
-        energy=record.energy,
-        status=record.status,
-        negative_eigenvalues=record.negative_eigenvalues,
-        index_before=None,
-        index_after=None,
-        lowest_eigenvalue=None,
-        sliding_overlap=None,
-        linking_number=record.linking_number,
-        self_contact=record.self_contact,
-        clearance=record.clearance,
-        arclength=None,
-        parameters=record.parameters,
-    )

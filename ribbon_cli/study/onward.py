@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..config import Arclength
+from ..config import Arclength, strips
 from ..errors import UsageError
-from ..facts import same_width
+from ..facts import same_value
+from ..parts import HALF_WIDTH, PARAMETERS
 from ..store import StateRecord, Summary, resolve_state
 from .branch import Branches
 from .journal import run_or_read
@@ -65,30 +66,47 @@ def _check(ref: str, record: StateRecord, request: Arclength) -> None:
         raise UsageError(f"{ref}: not stationary ({record.status}): there is no branch through it")
     if record.branch is not None and record.branch.type in ("fold", "branch-point"):
         raise UsageError(
-            f"{ref}: lies on a {record.branch.type}, where no direction in b is given: name a state beside it"
+            f"{ref}: lies on a {record.branch.type}, where no direction in "
+            f"{PARAMETERS[request.parameter].symbol} is given: name a state beside it"
         )
-    for option, width in (("--to", request.to), ("--back-to", request.back_to)):
-        if width is not None and not 0.0 < width < record.length:
+    name, length = request.parameter, record.length
+    symbol, here = PARAMETERS[name].symbol, record.parameters.get(name)
+    if here is None:
+        what = {1: "a closed band", -1: "a one-sided band", 0: "a strip with a free end"}[record.sigma]
+        raise UsageError(f"{ref}: {what} has no {name}; it has {', '.join(record.parameters)}")
+    for option, value in (("--to", request.to), ("--back-to", request.back_to)):
+        if value is not None:
+            _check_value(record, name, option, value)
+    ends = (here, request.to, request.to if request.back_to is None else request.back_to)
+    for value in request.at:
+        if not min(ends) <= value <= max(ends):
             raise UsageError(
-                f"{option}: must be a half-width between 0 and the length {record.length:g}, got {width:g}"
-            )
-    ends = (record.half_width, request.to, request.to if request.back_to is None else request.back_to)
-    for width in request.at:
-        if not min(ends) <= width <= max(ends):
-            raise UsageError(
-                f"--at: {width:g} is not between b = {min(ends):.12g} and {max(ends):.12g}, "
+                f"--at: {value:g} is not between {symbol} = {min(ends):.12g} and {max(ends):.12g}, "
                 "where the branch is followed"
             )
-    if same_width(request.to, record.half_width):
-        raise UsageError(f"{ref}: has b = {record.half_width:.12g} already")
+    if same_value(name, request.to, here, length):
+        raise UsageError(f"{ref}: has {symbol} = {here:.12g} already")
+
+
+def _check_value(record: StateRecord, name: str, option: str, value: float) -> None:
+    """Raise UsageError for a value that a parameter cannot have."""
+    if name == HALF_WIDTH:
+        if not 0.0 < value < record.length:
+            raise UsageError(
+                f"{option}: must be a half-width between 0 and the length {record.length:g}, got {value:g}"
+            )
+    elif why := strips.flat(record.parts.with_value(name, value), record.length):
+        raise UsageError(f"{option} {value:g}: {why}")
 
 
 def branch_name(record: StateRecord, request: Arclength) -> str:
     """The branch's name in its run: other steps or widths make another branch of it."""
     plain = Arclength(request.to)
-    marks = []
+    marks = [] if request.parameter == HALF_WIDTH else [f"in {request.parameter}"]
     if request.max_step != plain.max_step:
         marks.append(f"steps up to {request.max_step:.12g}")
     if request.at:
-        marks.append("at b = " + ", ".join(f"{b:.12g}" for b in request.at))
+        marks.append(
+            f"at {PARAMETERS[request.parameter].symbol} = " + ", ".join(f"{b:.12g}" for b in request.at)
+        )
     return f"branch from {record.label}" + (f" ({'; '.join(marks)})" if marks else "")

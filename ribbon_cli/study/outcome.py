@@ -39,7 +39,7 @@ class Target:
         return not (self.beyond or (self.reached and (self.certified or self.kept)))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class CoursePoint:
     """A point of a branch, as in the table of branches.
 
@@ -54,14 +54,14 @@ class CoursePoint:
     energy: float | None
     status: str
     negative_eigenvalues: int | None
-    index_before: int | None
-    index_after: int | None
-    lowest_eigenvalue: float | None
-    sliding_overlap: float | None
+    index_before: int | None = None
+    index_after: int | None = None
+    lowest_eigenvalue: float | None = None
+    sliding_overlap: float | None = None
     linking_number: float | None
     self_contact: bool
     clearance: float | None
-    arclength: float | None
+    arclength: float | None = None
     parameters: Mapping[str, float | None] = field(default_factory=dict)
 
 

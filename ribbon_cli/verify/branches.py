@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..model.problem import Problem
+from ..parts import HALF_WIDTH
 from ..solver.arclength import Tangent, point_at, tangent_from
 from ..solver.kkt import FactorisationError
 from ..solver.singular import lowest_mode
@@ -22,7 +23,7 @@ OVERLAP = 1e-4
 
 
 def check_branch(record: StateRecord, problem: Problem, x: np.ndarray) -> Iterator[str]:
-    """Check the tangent, its component in b, and the lowest eigenvalue; nothing for other states.
+    """Check the tangent, its component in the parameter, and the lowest eigenvalue; nothing for other states.
 
     At branch points, where several tangents are, the stored one must be of length one.
     """
@@ -31,7 +32,11 @@ def check_branch(record: StateRecord, problem: Problem, x: np.ndarray) -> Iterat
         return
     if not branch.arclength >= 0.0:
         yield f"/branch/arclength is {branch.arclength:.10g}"
-    point = point_at(problem, x, multipliers_of(record))
+    parameter = branch.parameter or HALF_WIDTH
+    if parameter not in record.parameters:
+        yield f"/branch/parameter is {parameter}, which the problem does not have"
+        return
+    point = point_at(problem, x, multipliers_of(record), parameter)
     stored = Tangent(branch.tangent.ravel(), np.zeros(problem.rows), branch.half_width_rate)
     size = point.product(stored, stored)
     if not abs(size - 1.0) <= TANGENT:

@@ -33,7 +33,9 @@ from ..model.band import Array
 from ..model.constraints import PER_NODE
 from ..model.contact import GRAZING_TOLERANCE
 from ..model.metrics import metric_named
-from ..model.symmetry import Symmetry, find_image
+from ..model.strip_symmetry import strip_images
+from ..model.symmetry import Symmetry, find_image, nearest_image
+from ..parts import HALF_WIDTH, PARAMETERS
 from ..report.comparison import (
     DIFFERENT,
     IDENTICAL,
@@ -47,9 +49,10 @@ from ..report.comparison import (
 from ..solver.newton import Options
 from ..solver.status import STATIONARY, Status
 from ..store import BranchRecord, Run, SpectrumRecord, StateRecord
+from ..store.record import REACTIONS
 from ..study.records import multipliers_of, state_of
 from .branches import OVERLAP, TANGENT, VALUE
-from .recompute import DERIVED, ENERGY, problem_of, residual_slack, residuals
+from .recompute import DERIVED, ENERGY, energy_size, problem_of, residual_slack, residuals
 from .spectra import NOISE, RELATIVE
 
 NEAR = 1e-7
@@ -108,6 +111,7 @@ def _facts(first: StateRecord, second: StateRecord) -> Iterator[tuple[str, bool]
     for name in FACTS:
         group = (_PATHS | _ORIGINS).get(name, "certificate")
         yield f"/{group}/{name}", getattr(first, name) == getattr(second, name)
+    yield "/ends", _kinds(first) == _kinds(second)
     held = [() if r.prescribed is None else tuple(np.flatnonzero(r.prescribed)) for r in (first, second)]
     yield "/state/prescribed", held[0] == held[1]
     yield "/certificate/kkt_residual", _solves(first) == _solves(second)
@@ -127,18 +131,36 @@ def _facts(first: StateRecord, second: StateRecord) -> Iterator[tuple[str, bool]
         for r in (first, second)
     ]
     yield "/branch/type", points[0] == points[1]
+    ways = [None if r.branch is None else r.branch.parameter or HALF_WIDTH for r in (first, second)]
+    yield "/branch/parameter", ways[0] == ways[1]
+    loaded = [r.bending_energy is None for r in (first, second)]
+    yield "/state/bending_energy", loaded[0] == loaded[1]
     soft = [r.branch is not None and r.branch.soft_mode is not None for r in (first, second)]
     yield "/branch/soft_mode", soft[0] == soft[1]
+
+
+def _kinds(record: StateRecord) -> str:
+    """What ends, material and loads are besides their parameters; a place that a free end has not is nan."""
+    parts = record.parts
+    for name in record.parameters:
+        parts = parts if name == HALF_WIDTH else parts.with_value(name, 0.0)
+    return repr(parts)
 
 
 def _checks(first: StateRecord, second: StateRecord) -> tuple[str | None, list[_Check]]:
     """How the second record is an image of the first, None for itself, and every number held against the
     other's.
     """
-    one, two = (np.hstack((r.u, r.g, r.xi[:, None])) for r in (first, second))
+    one, two = _unknowns(first), _unknowns(second)
     image = None
     drift = _apart(one, two)
-    if first.kind != "auxiliary":
+    if first.parts.ends is not None:
+        if not drift <= NEAR:
+            found = nearest_image(strip_images(state_of(second), state_of(first)))
+            image = None if found.is_identity else found
+            two = found.apply(two, first.sigma)
+            drift = _apart(one, two)
+    elif first.kind != "auxiliary":
         turned = find_image(state_of(second), state_of(first), renumbered=False)
         drift = _apart(one, turned.apply(two, first.sigma))
         if not _apart(one, two) <= NEAR:
@@ -147,11 +169,14 @@ def _checks(first: StateRecord, second: StateRecord) -> tuple[str | None, list[_
             drift = _apart(one, two)
     limit = NEAR if _solves(first) and _solves(second) else DERIVED
     checks = [_Check("/state/half_width", _relative(first.half_width, second.half_width), TOLERANCE)]
+    for name, value in first.parameters.items() if first.parts.ends is not None else ():
+        apart = abs(value - second.parameters[name]) / max(1.0, abs(value))
+        checks.append(_Check(f"/{PARAMETERS[name].part or 'state'}/{name}", apart, TOLERANCE))
     for name, part in (("u", slice(0, 3)), ("g", slice(3, 6)), ("xi", slice(6, 7))):
         checks.append(_Check(f"/state/{name}", _apart(one[:, part], two[:, part]), limit))
     for record in (first, second) if Status(first.status) in STATIONARY else ():
         checks += _equations(record)
-    checks.append(_energy(first, second, drift))
+    checks += _energies(first, second, drift)
     amplified = first.segments**2 * drift
     checks += _derived(first, second, amplified)
     if image is None:
@@ -161,6 +186,14 @@ def _checks(first: StateRecord, second: StateRecord) -> tuple[str | None, list[_
     if first.branch is not None and second.branch is not None:
         checks += _branch(first.branch, second.branch, first.sigma, image, amplified)
     return None if image is None else image.in_words(), checks
+
+
+def _unknowns(record: StateRecord) -> Array:
+    """u, g and xi (N, 7); of a strip what its ends leave to move, with g_{N+1} in the place of g_1."""
+    if record.parts.ends is None:
+        return np.hstack((record.u, record.g, record.xi[:, None]))
+    x: Array = np.where(problem_of(record).fixed, 0.0, state_of(record).vector())
+    return x.reshape(-1, 7)
 
 
 def _solves(record: StateRecord) -> bool:
@@ -182,13 +215,19 @@ def _equations(record: StateRecord) -> Iterator[_Check]:
         yield _Check(f"/certificate/{name}", 0.0 if excess <= slack[name] else excess, slack[name])
 
 
-def _energy(first: StateRecord, second: StateRecord, drift: float) -> _Check:
-    """Energies, which are stationary: a drift counts by its square, and constraints by their multipliers."""
-    relative = _relative(first.energy, second.energy)
+def _energies(first: StateRecord, second: StateRecord, drift: float) -> Iterator[_Check]:
+    """Energies, which are stationary: a drift counts by its square, and constraints by their multipliers.
+
+    What bends alone is not stationary.
+    """
+    size = max(map(energy_size, (first, second)))
+    relative = abs(first.energy - second.energy) / size if first.energy != second.energy else 0.0
     left = sum(record.constraint_residual * _largest_multiplier(record) for record in (first, second))
-    size = max(first.energy, second.energy)
     off = PER_NODE * first.length * left / size if size > 0.0 else 0.0
-    return _Check("/state/energy", relative, ENERGY + off + (first.segments * drift) ** 2)
+    yield _Check("/state/energy", relative, ENERGY + off + (first.segments * drift) ** 2)
+    if first.bending_energy is not None and second.bending_energy is not None:
+        apart = abs(first.bending_energy - second.bending_energy) / size if size > 0.0 else 0.0
+        yield _Check("/state/bending_energy", apart, DERIVED + first.segments**2 * drift)
 
 
 def _largest_multiplier(record: StateRecord) -> float:
@@ -199,7 +238,7 @@ def _largest_multiplier(record: StateRecord) -> float:
 
 def _derived(first: StateRecord, second: StateRecord, amplified: float) -> Iterator[_Check]:
     """Scalars that follow from the shape, whatever its numbering."""
-    mirrored = abs(first.linking_number) <= DERIVED
+    mirrored = first.parts.ends is not None or abs(first.linking_number) <= DERIVED
     for name in ("linking_number", "twist", "writhe"):  # whole turns are the unit
         one, two = getattr(first, name), getattr(second, name)
         apart = min(abs(one - two), abs(one + two) if mirrored else math.inf)
@@ -223,6 +262,12 @@ def _derived_arrays(first: StateRecord, second: StateRecord, amplified: float) -
         yield _Check(
             f"/multipliers/{name}", _apart(getattr(first, name), getattr(second, name), largest), limit
         )
+    if first.lambda_end is not None and second.lambda_end is not None:
+        ends = np.array([first.lambda_end]), np.array([second.lambda_end])
+        yield _Check("/multipliers/lambda_end", _apart(*ends, max(1.0, largest)), limit)
+    for name in REACTIONS if first.reaction_force is not None else ():
+        pair = getattr(first, name), getattr(second, name)
+        yield _Check(f"/reactions/{name}", _apart(*pair, max(1.0, largest)), limit)
     for name in ("midline", "eta_prime"):
         yield _Check(f"/geometry/{name}", _apart(getattr(first, name), getattr(second, name)), limit)
     for name in ("kappa_s", "tau", "eta"):

@@ -6,14 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-pytest.importorskip("casadi")
-
 from references.curved import FoldedArc
 from references.helix import whole_turns
 
 from bench import run, strips
 from bench.machine import machine, versions
+
+pytestmark = pytest.mark.peers
 
 
 def test_a_quick_benchmark_writes_its_document(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
