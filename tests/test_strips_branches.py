@@ -1,7 +1,7 @@
 """Folds and branch points of strips: located, with their indices, and followed to both sides.
 
-The strip spans 0.9 and its end is turned. On this coarse grid its branch in the twist has a branch point at 0.561
-and a fold at 0.575; in the half-width, at twist 0.55, at 0.0511 and 0.0525.
+The strip spans 0.9 and its end is turned. On this coarse grid its branch in the twist has a branch point at
+0.561 and a fold at 0.575; in the half-width, at twist 0.55, at 0.0511 and 0.0525.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Reactions of strips out of the plane: work done at every parameter, and the balance of forces and moments."""
+"""Reactions of strips out of the plane: work at every parameter, and the balance of forces and moments."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def moments_of_area(state: State) -> tuple[float, Array]:
         size = 0.5 * float(np.linalg.norm(normal))
         area, moment = area + size, moment + size * (a + b_ + c) / 3.0
     if ends.end == FREE:
-        # From the last ruling to the edge at right angles: two triangles with a common tip, one of them cut off.
+        # From the last ruling to the edge at right angles: two triangles, one of them cut off.
         u, g = state.u[-1], rulings[-1]
         eta, tip = float(u @ g), nodes[-1]
         across = g - eta * u

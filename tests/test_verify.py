@@ -47,7 +47,7 @@ def changed(record: StateRecord, name: str) -> StateRecord | None:
     elif isinstance(value, bool):
         wrong = not value
     elif isinstance(value, int):
-        wrong = value + 1
+        wrong = -value if name == "sigma" else value + 1  # a band with sigma 0 has ends
     elif isinstance(value, float):
         wrong = value * (1 + 1e-6) + 1e-7
     else:

@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from ribbon_cli.api.extras import extra
-from ribbon_cli.parts import HALF_WIDTH
 from ribbon_cli.store import Run, Summary
 from ribbon_cli.store.layout import BRANCH, STATE
 from ribbon_cli.store.record import REACTIONS
@@ -47,8 +46,8 @@ def flat(state: Summary, run: str) -> dict[str, Any]:
     besides the half-width `parameter_twist` and so on, a reaction's components `start_force_x` and so on.
     """
     row = {"run": run, **vars(state)}
-    branch, parameters = row.pop("branch"), row.pop("parameters")
-    row |= {f"parameter_{name}": value for name, value in parameters.items() if name != HALF_WIDTH}
+    branch = row.pop("branch")
+    row |= {f"parameter_{name}": value for name, value in row.pop("others").items()}
     for name in REACTIONS:
         row |= zip((f"{name}_{axis}" for axis in "xyz"), row.pop(name) or (), strict=False)
     return row | {f"branch_{name}": value for name, value in (vars(branch) if branch else {}).items()}

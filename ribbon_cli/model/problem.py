@@ -427,7 +427,7 @@ class Problem:
 
     def _held(self) -> list[Array]:
         """Vectors that a rigid rotation must keep."""
-        ends, loads = self.band.parts.ends, self.band.parts.loads
+        ends = self.band.parts.ends
         if ends is None:
             prescribed = [*self.prescription.rulings.values()]
             return prescribed if self.prescription.seam is None else [*prescribed, self._data]
@@ -439,10 +439,8 @@ class Problem:
             held += [finish.ruling, self.target / self.band.length]
             if ends.end == CLAMPED:
                 held.append(finish.tangent)
-        forces = [loads.end_force, loads.point_force]
-        if loads.gravity:
-            forces.append(loads.gravity_direction)
-        return held + [np.asarray(force) / np.linalg.norm(force) for force in forces if any(force)]
+        forces = (term.resultant() for term in self.terms if term.load)
+        return held + [force / np.linalg.norm(force) for force in forces if force.any()]
 
     def rotations(self, x: Array) -> Array:
         """Tangents (7N, r) of the rigid rotations that keep all prescribed rulings, r <= 3.

@@ -16,6 +16,7 @@ _UNFINISHED = "It was interrupted, or points of it were removed: the same comman
 def course_point(state: Summary, kind: str = "") -> CoursePoint:
     """A point of a branch from its state's summary; `kind` is its type without arclength continuation."""
     known = vars(state) | (vars(state.branch) if state.branch else {"type": kind})
+    known["parameters"] = state.parameters
     names = [field.name for field in fields(CoursePoint)]
     return CoursePoint(**{name: known[name] for name in names if name in known})
 
