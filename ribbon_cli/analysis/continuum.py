@@ -118,7 +118,9 @@ def _multipliers(record: StateRecord) -> Multipliers:
 
 
 def _check_free(record: StateRecord, name: str) -> None:
-    """Raise UsageError for a state with an open seam or prescribed rulings, or one that went wrong."""
+    """Raise UsageError for a strip with ends, an open seam or prescribed rulings, or one that went wrong."""
+    if record.parts.ends is not None:
+        raise UsageError(f"{name}: a strip with ends: the continuum's equations are those of closed bands")
     if not all(
         np.isfinite(values).all() for values in (record.u, record.g, record.xi, multipliers_of(record))
     ):

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ribbon_cli.digits import powers, significant
 from ribbon_cli.export.fields import even_window, field, placed
-from ribbon_cli.export.mesh import check_shape
+from ribbon_cli.export.mesh import check_shape, end_value
 from ribbon_cli.plot.canvas import Figure
 from ribbon_cli.plot.labels import curve_labels, legend_above
 from ribbon_cli.plot.panels import panels, wide_scale
@@ -66,6 +66,8 @@ def draw_field(
         check_shape(record)
         window = even_window(record)
         alpha, shown = placed(record, name, values[k], window) if values else field(record, name, window)
+        if not values and not math.isnan(last := end_value(record, name)):
+            alpha, shown = np.append(alpha, record.length), np.append(shown, last)
         axes.plot(alpha, shown, label=labels[k], zorder=2 + 0.1 * k, **line_look(k, len(alpha)))
     alpha_axis(axes, [record.length for record in records])
     axes.set_title(title, loc="left", fontsize=plain_size() * 1.15)
@@ -161,7 +163,7 @@ def _tame(axes: Axes) -> None:
     """Where one curve dwarfs another by `DWARFED`, a smooth scale that is linear near zero and logarithmic
     beyond.
     """
-    sizes = [float(np.abs(line.get_ydata()).max()) for line in axes.get_lines()[1:]]
+    sizes = [float(np.nanmax(np.abs(line.get_ydata()))) for line in axes.get_lines()[1:]]
     if len(sizes) > 1 and max(sizes) > DWARFED * min(sizes) > 0:
         low, high = math.ceil(math.log10(min(sizes))), math.ceil(math.log10(max(sizes)))
         wide_scale(axes, low, high)

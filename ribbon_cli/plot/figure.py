@@ -13,6 +13,7 @@ from typing import Any
 from ribbon_cli.digits import significant
 from ribbon_cli.errors import UsageError
 from ribbon_cli.export.words import verdict
+from ribbon_cli.parts import PARAMETERS
 from ribbon_cli.plot.canvas import Figure
 from ribbon_cli.plot.style import GREY, STYLES, Style, styled
 from ribbon_cli.store import StateRecord, content_sha256
@@ -73,11 +74,14 @@ def state_caption(records: Sequence[StateRecord], run: str | None, names: Sequen
         return f"{where}{labels} ({certified} of {len(records)} certified{beside})"
     (record,) = records
     linking = record.linking_number
-    # Of an open seam no curves are linked: what is stored is Tw + Wr.
-    name = "Tw + Wr" if record.seam_open else "Lk"
+    # Of an open seam or strip no curves are linked: what is stored is Tw + Wr.
+    name = "Tw + Wr" if record.seam_open or record.parts.ends is not None else "Lk"
     links = f"{name} = {round(linking, 6) + 0.0:g}, " if math.isfinite(linking) else ""
+    places = [
+        f"{PARAMETERS[name].symbol} = {value:.10g}" for name, value in record.parameters.items() if value
+    ]
     return (
-        f"{reference(record, run)}, b = {record.half_width:.10g}, N = {record.segments}, "
+        f"{reference(record, run)}, {', '.join(places)}, N = {record.segments}, "
         f"{links}E = {significant(record.energy)}, {verdict(record)}, "
         f"sha256 {content_sha256(record)[:12]}"
     )

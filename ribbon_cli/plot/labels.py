@@ -4,16 +4,31 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from textwrap import wrap
+from typing import Protocol
 
 import matplotlib
 from matplotlib.artist import Artist
 
 from ribbon_cli.export.words import standing
+from ribbon_cli.parts import HALF_WIDTH, PARAMETERS
 from ribbon_cli.plot.canvas import Figure
 from ribbon_cli.store import Run, StateRecord
 from ribbon_cli.text import visible
+
+
+class Placed(Protocol):
+    """A state as far as its place goes."""
+
+    @property
+    def half_width(self) -> float:
+        """b."""
+
+    @property
+    def parameters(self) -> Mapping[str, float | None]:
+        """All parameters by name."""
+
 
 FEWEST_DIGITS, MOST_DIGITS = 4, 12
 """Digits of half-widths: as few as tell them apart."""
@@ -36,8 +51,33 @@ def width_texts(half_widths: Sequence[float]) -> list[str]:
     return [texts[b] for b in half_widths]
 
 
-def band_text(half_twists: int) -> str:
-    """A band by its twist, as the thesis calls it: a 3π band has three half-twists."""
+def parameter_text(name: str) -> str:
+    """A parameter as pictures call it."""
+    return "$b$" if name == HALF_WIDTH else name.replace("_", " ")
+
+
+def place_texts(states: Sequence[Placed]) -> list[str]:
+    """States by the parameters that tell them from each other, by the half-width where none does."""
+    rows = [{**state.parameters, HALF_WIDTH: state.half_width} for state in states]
+    every = {name for row in rows for name in row}
+    names = [name for name in PARAMETERS if name in every and len({row.get(name) for row in rows}) > 1]
+    columns = [parameter_column(rows, name) for name in names or [HALF_WIDTH]]
+    return [", ".join(filter(None, parts)) for parts in zip(*columns, strict=True)]
+
+
+def parameter_column(rows: Sequence[Mapping[str, float | None]], name: str) -> list[str]:
+    """`name = value` of each row, empty where it has none."""
+    values = [math.nan if (value := row.get(name)) is None else value for row in rows]
+    texts = width_texts(values)
+    return [
+        f"{parameter_text(name)} = {text}" if v == v else "" for text, v in zip(texts, values, strict=True)
+    ]
+
+
+def band_text(half_twists: int, sigma: int = 1) -> str:
+    """A band by its twist, as the thesis calls it: a 3π band has three half-twists; `sigma` 0 is a strip."""
+    if sigma == 0:
+        return "strip"
     if half_twists == 0:
         return "untwisted"
     sign, count = "−" if half_twists < 0 else "", abs(half_twists)
@@ -86,11 +126,13 @@ def _told(records: Sequence[StateRecord], runs: Sequence[str]) -> list[tuple[lis
     Of states alike in these, auxiliary ones are told by their stages.
     """
     count = len(records)
-    widths = width_texts([record.half_width for record in records])
-    bands = [band_text(record.half_twists) for record in records]
+    bands = [band_text(record.half_twists, record.sigma) for record in records]
+    rows = [record.parameters for record in records]
+    others = [name for name in PARAMETERS if name != HALF_WIDTH and any(name in row for row in rows)]
     columns = [
         bands if len(set(bands)) > 1 else list(runs),
-        [f"$b$ = {text}" for text in widths],
+        parameter_column(rows, HALF_WIDTH),
+        *(column for name in others if len(set(column := parameter_column(rows, name))) > 1),
         [f"$N$ = {record.segments}" for record in records],
     ]
     shown = [c for c in columns if len(set(c)) > 1 or (count == 1 and c is not columns[0])]

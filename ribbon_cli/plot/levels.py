@@ -12,7 +12,14 @@ from matplotlib.axes import Axes
 from ribbon_cli.digits import powers, significant
 from ribbon_cli.errors import UsageError
 from ribbon_cli.plot.canvas import Figure
-from ribbon_cli.plot.labels import LEGEND_LINE, band_text, curve_labels, legend_above, width_texts
+from ribbon_cli.plot.labels import (
+    LEGEND_LINE,
+    band_text,
+    curve_labels,
+    legend_above,
+    place_texts,
+    width_texts,
+)
 from ribbon_cli.plot.panels import branch_panels, energies, panels
 from ribbon_cli.plot.style import GREY, LIGHT_GREY, PALETTE, Style, line_look, marked_look
 from ribbon_cli.report.convergence import Row, Table
@@ -94,8 +101,8 @@ def _row_titles(groups: Sequence[Sequence[StateRecord]], names: Sequence[str]) -
         return [""] * len(groups)
     columns = [
         list(names),
-        [band_text(records[0].half_twists) for records in groups],
-        [f"$b$ = {text}" for text in width_texts([records[0].half_width for records in groups])],
+        [band_text(records[0].half_twists, records[0].sigma) for records in groups],
+        place_texts([records[0] for records in groups]),
         [f"rule {_rule(records)}" for records in groups],
     ]
     shown = [column for column in columns if column is columns[0] or len(set(column)) > 1]

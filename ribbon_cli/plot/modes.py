@@ -68,16 +68,23 @@ class ModeShape:
 
 
 def displaced(record: StateRecord, move: Array, size: float) -> StateRecord:
-    """The shape of a closed state moved by `size` times (du, dg): for pictures only, its numbers stay."""
+    """The shape of a state moved by `size` times (du, dg): for pictures only, its numbers stay.
+
+    A strip with ends keeps its start; g_{N+1} has the place of g_1 in its moves.
+    """
     h = record.length / record.segments
     du, dg = move[:, :3], move[:, 3:6]
     along = np.vstack((np.zeros(3), h * np.cumsum(du, axis=0)))
-    along -= along[:-1].mean(axis=0)
+    if record.parts.ends is None:
+        along -= along[:-1].mean(axis=0)
+        last = record.sigma * dg[0]
+    else:
+        last, dg = dg[0], np.vstack((np.zeros(3), dg[1:]))
     return replace(
         record,
         u=record.u + size * du,
         g=record.g + size * dg,
-        g_end=record.g_end + size * record.sigma * dg[0],
+        g_end=record.g_end + size * last,
         midline=record.midline + size * along,
     )
 

@@ -15,9 +15,10 @@ from ribbon_cli.export.mesh import facet_corners
 from ribbon_cli.export.view import View, chosen_view
 from ribbon_cli.export.words import standing
 from ribbon_cli.plot.canvas import Figure
-from ribbon_cli.plot.labels import width_texts
+from ribbon_cli.plot.labels import place_texts
 from ribbon_cli.plot.shape import RULINGS, draw_shape, shown_sides
 from ribbon_cli.plot.style import GREY, Style
+from ribbon_cli.plot.supports import with_plates
 from ribbon_cli.store import StateRecord
 
 Array = NDArray[np.float64]
@@ -29,7 +30,7 @@ def shape_figure(record: StateRecord, style: Style, angles: tuple[float, float] 
     """
     corners = facet_corners(record)
     view = chosen_view(corners, angles)
-    extent = np.ptp(view.project(corners)[..., :2], axis=(0, 1))
+    extent = np.ptp(view.project(with_plates(record))[..., :2], axis=(0, 1))
     width = style.across(0.7)
     height = width * float(np.clip(extent[1] / extent[0], 0.3, 1.2))
     figure = Figure(figsize=(width, height + 0.06 * width / 0.7), layout="constrained")
@@ -77,10 +78,9 @@ def family_figure(
     records: Sequence[StateRecord], style: Style, angles: tuple[float, float] | None = None
 ) -> Figure:
     """Shapes in rows at one scale and from one side, with half-widths, and which have no certificate."""
-    widths = width_texts([record.half_width for record in records])
     titles = [
-        "\n".join(filter(None, (f"$b$ = {text}", standing(record))))
-        for text, record in zip(widths, records, strict=True)
+        "\n".join(filter(None, (text, standing(record))))
+        for text, record in zip(place_texts(records), records, strict=True)
     ]
     panels = [Panel(record, title) for record, title in zip(records, titles, strict=True)]
     return shapes_figure(panels, style, aligned=True, angles=angles)
@@ -94,7 +94,8 @@ def shapes_figure(
     """
     corners = [facet_corners(panel.record) for panel in panels]
     views = _common_views(corners, angles) if aligned else [chosen_view(item, angles) for item in corners]
-    boxes = [np.ptp(view.project(c)[..., :2], axis=(0, 1)) for view, c in zip(views, corners, strict=True)]
+    seen = [with_plates(panel.record) for panel in panels]
+    boxes = [np.ptp(view.project(c)[..., :2], axis=(0, 1)) for view, c in zip(views, seen, strict=True)]
     columns = _columns(len(panels), style)
     rows = math.ceil(len(panels) / columns)
     width = style.across(1.0 if columns > 1 else 0.6)

@@ -15,6 +15,7 @@ from ribbon_cli.export.view import View, automatic_view
 from ribbon_cli.plot.outline import draw_lines
 from ribbon_cli.plot.painter import depth_order
 from ribbon_cli.plot.style import INK, SIDES, Style
+from ribbon_cli.plot.supports import PLATE, draw_pins, plates
 from ribbon_cli.store import StateRecord
 
 Array = NDArray[np.float64]
@@ -37,14 +38,17 @@ def draw_shape(
     """Draw a state's surface into `axes` and return the view, `automatic_view` unless given.
 
     The two sides have two colours. Light falls by |n.l|, which does not know a normal from its opposite, so
-    that nothing shows where the seam lies. `marked` are node numbers, from 1, of rulings drawn in green,
-    and `rulings` is the most that are drawn of the others. The colours of a one-sided band are fitted to
-    `like`, the `shown_sides` of a similar shape from the same side, if that is given.
+    that nothing shows where the seam lies. Clamps are plates, hinges have pins. `marked` are node numbers,
+    from 1, of rulings drawn in green, and `rulings` is the most that are drawn of the others. The colours
+    of a one-sided band are fitted to `like`, the `shown_sides` of a similar shape from the same side, if
+    that is given.
     """
     corners, pieces = facet_corners(record), strip(record)
     view = view or automatic_view(corners)
-    flat = view.project(corners - corners.reshape(-1, 3).mean(axis=0))
-    order, covered = depth_order(flat)
+    middle, held = corners.reshape(-1, 3).mean(axis=0), plates(record)
+    flat = view.project(corners - middle)
+    every = np.concatenate((flat, view.project(held - middle))) if len(held) else flat
+    order, covered = depth_order(every)
     normals = facet_normals(record)
     facing = normals @ view.eye
     side = _sides(facing, covered, record.sigma if pieces.closed else 1, flat, like)
@@ -54,9 +58,13 @@ def draw_shape(
     outline[list(pieces.first)] = True
     green = np.isin(np.arange(1, n + 1), marked)
     drawn = _spread(n, rulings) & ~outline & ~green
-    _paint(axes, flat, order, colours, style, drawn)
+    if len(held):
+        plate = np.tile(to_rgb(PLATE), (len(held), 1))
+        colours, drawn = np.concatenate((colours, plate)), np.append(drawn, [False] * len(held))
+    _paint(axes, every, order, colours, style, drawn, n)
     draw_lines(axes, flat, pieces, outline, green, style)
-    _frame(axes, flat)
+    draw_pins(axes, record, flat, style)
+    _frame(axes, every)
     return view
 
 
@@ -144,8 +152,12 @@ def _paint(
     colours: Array,
     style: Style,
     drawn: NDArray[np.bool_],
+    facets: int,
 ) -> None:
-    """One collection for facets and the rulings `drawn` (N,) on them, so that nearer facets cover both."""
+    """One collection for facets and the rulings `drawn` (N,) on them, so that nearer facets cover both.
+
+    What follows the `facets` are plates, which have a rim.
+    """
     n = len(flat)
     thin, none = to_rgba(INK, 0.45), (0.0, 0.0, 0.0, 0.0)
     vertices: list[Array] = []
@@ -158,8 +170,8 @@ def _paint(
         vertices.append(picture[i][[0, 1, 2, 3, 0]])
         faces.append(colour)
         # A facet's own colour covers the hairline that viewers leave between neighbours.
-        lines.append(colour)
-        widths.append(0.3)
+        lines.append(colour if i < facets else to_rgba(INK))
+        widths.append(0.3 if i < facets else 0.5 * style.line)
         for k, ends in ((i, picture[i, :2]), ((i + 1) % n, picture[i, 2:])):
             if drawn[k]:
                 vertices.append(ends)
