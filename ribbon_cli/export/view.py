@@ -76,8 +76,17 @@ def view_in_axes(corners: Array, azimuth: float, elevation: float) -> View:
     return view_along(eye @ axes, axes[1])
 
 
-def chosen_view(corners: Array, angles: tuple[float, float] | None) -> View:
-    """The view of facets (N, 4, 3) at an azimuth and an elevation in degrees, or the automatic one."""
+CLAMPED_VIEW = view_along(np.array([0.28, 0.5, 0.82]), np.array([0.0, 1.0, 0.0]))
+"""Of strips with ends: the start's tangent to the right, and what buckles to +y upwards."""
+
+
+def chosen_view(corners: Array, angles: tuple[float, float] | None, held: bool = False) -> View:
+    """The view of facets (N, 4, 3) at an azimuth and an elevation in degrees, or the automatic one.
+
+    A strip that is `held` at its ends is seen from one side whatever its shape.
+    """
+    if angles is None and held:
+        return CLAMPED_VIEW
     return automatic_view(corners) if angles is None else view_in_axes(corners, *angles)
 
 

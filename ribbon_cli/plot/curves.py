@@ -24,6 +24,8 @@ from ribbon_cli.store import StateRecord
 Array = NDArray[np.float64]
 
 GEOMETRY = {"kappa_s": r"$\kappa_s$", "tau": r"$\tau$", "eta": r"$\eta$", "eta_prime": r"$\eta'$"}
+NOTHING = 1e-12
+"""Largest value of a field of a strip that is rounding."""
 DWARFED = 20.0
 """Ratio of two curves' largest values beyond which a linear scale shows the smaller as a flat line."""
 MULTIPLIERS = {f"lambda_{k}": rf"$\lambda_{k}$" for k in range(1, 6)}
@@ -68,6 +70,8 @@ def draw_field(
         alpha, shown = placed(record, name, values[k], window) if values else field(record, name, window)
         if not values and not math.isnan(last := end_value(record, name)):
             alpha, shown = np.append(alpha, record.length), np.append(shown, last)
+        if record.parts.ends is not None:  # of planar shapes rounding is no curve
+            shown = np.where(np.abs(shown) < NOTHING, 0.0, shown)
         axes.plot(alpha, shown, label=labels[k], zorder=2 + 0.1 * k, **line_look(k, len(alpha)))
     alpha_axis(axes, [record.length for record in records])
     axes.set_title(title, loc="left", fontsize=plain_size() * 1.15)

@@ -24,6 +24,7 @@ from ribbon_cli.plot.canvas import Figure
 from ribbon_cli.plot.figure import dressed
 from ribbon_cli.plot.shape import RULINGS, draw_shape, shown_sides
 from ribbon_cli.plot.style import LIGHT_GREY, Style
+from ribbon_cli.plot.supports import middle_of, with_plates
 from ribbon_cli.store import StateRecord
 
 Array = NDArray[np.float64]
@@ -160,11 +161,9 @@ class _Frames:
         self.record, self.mode = record, mode
         self.size = amplitude(record, mode.move)
         rest = facet_corners(record)
-        self.view = chosen_view(rest, angles)
-        flat = [
-            self._flat(facet_corners(displaced(record, mode.move, s * self.size))) for s in (-1.0, 0.0, 1.0)
-        ]
-        self.rest = flat[1]
+        self.view = chosen_view(rest, angles, record.parts.ends is not None)
+        flat = [self._flat(displaced(record, mode.move, s * self.size)) for s in (-1.0, 0.0, 1.0)]
+        self.rest = flat[1][: record.segments]
         self.sides = shown_sides(record, self.view)
         low, high = np.min(flat, axis=(0, 1, 2)), np.max(flat, axis=(0, 1, 2))
         room = 0.015 * float(np.max(high - low))
@@ -176,9 +175,10 @@ class _Frames:
         width, height = self.high - self.low
         return float(height / width)
 
-    def _flat(self, corners: Array) -> Array:
-        """Corners (N, 4, 2) in the picture, about the middle of the band as `draw_shape` has them."""
-        flat: Array = self.view.project(corners - corners.reshape(-1, 3).mean(axis=0))[..., :2]
+    def _flat(self, moved: StateRecord) -> Array:
+        """Corners (N + k, 4, 2) in the picture, those of clamps last, as `draw_shape` has them."""
+        middle = middle_of(moved, facet_corners(moved))
+        flat: Array = self.view.project(with_plates(moved) - middle)[..., :2]
         return flat
 
     def draw(self, axes: Axes, phase: float, style: Style, rulings: int) -> None:

@@ -29,7 +29,7 @@ def shape_figure(record: StateRecord, style: Style, angles: tuple[float, float] 
     None.
     """
     corners = facet_corners(record)
-    view = chosen_view(corners, angles)
+    view = chosen_view(corners, angles, record.parts.ends is not None)
     extent = np.ptp(view.project(with_plates(record))[..., :2], axis=(0, 1))
     width = style.across(0.7)
     height = width * float(np.clip(extent[1] / extent[0], 0.3, 1.2))
@@ -93,7 +93,11 @@ def shapes_figure(
     else each from its own best.
     """
     corners = [facet_corners(panel.record) for panel in panels]
-    views = _common_views(corners, angles) if aligned else [chosen_view(item, angles) for item in corners]
+    held = [panel.record.parts.ends is not None for panel in panels]
+    if aligned and not (angles is None and all(held)):
+        views = _common_views(corners, angles)
+    else:
+        views = [chosen_view(item, angles, ends) for item, ends in zip(corners, held, strict=True)]
     seen = [with_plates(panel.record) for panel in panels]
     boxes = [np.ptp(view.project(c)[..., :2], axis=(0, 1)) for view, c in zip(views, seen, strict=True)]
     columns = _columns(len(panels), style)

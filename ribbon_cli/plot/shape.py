@@ -11,11 +11,11 @@ from matplotlib.colors import to_rgb, to_rgba
 from numpy.typing import NDArray
 
 from ribbon_cli.export.mesh import facet_corners, facet_normals, strip
-from ribbon_cli.export.view import View, automatic_view
+from ribbon_cli.export.view import View, chosen_view
 from ribbon_cli.plot.outline import draw_lines
 from ribbon_cli.plot.painter import depth_order
 from ribbon_cli.plot.style import INK, SIDES, Style
-from ribbon_cli.plot.supports import PLATE, draw_pins, plates
+from ribbon_cli.plot.supports import PLATE, draw_pins, middle_of, plates
 from ribbon_cli.store import StateRecord
 
 Array = NDArray[np.float64]
@@ -35,7 +35,7 @@ def draw_shape(
     rulings: int = RULINGS,
     like: NDArray[np.bool_] | None = None,
 ) -> View:
-    """Draw a state's surface into `axes` and return the view, `automatic_view` unless given.
+    """Draw a state's surface into `axes` and return the view, `chosen_view` unless given.
 
     The two sides have two colours. Light falls by |n.l|, which does not know a normal from its opposite, so
     that nothing shows where the seam lies. Clamps are plates, hinges have pins. `marked` are node numbers,
@@ -44,8 +44,8 @@ def draw_shape(
     that is given.
     """
     corners, pieces = facet_corners(record), strip(record)
-    view = view or automatic_view(corners)
-    middle, held = corners.reshape(-1, 3).mean(axis=0), plates(record)
+    view = view or chosen_view(corners, None, record.parts.ends is not None)
+    middle, held = middle_of(record, corners), plates(record)
     flat = view.project(corners - middle)
     every = np.concatenate((flat, view.project(held - middle))) if len(held) else flat
     order, covered = depth_order(every)

@@ -1,4 +1,4 @@
-"""What holds the ends of an open strip, in pictures: a clamp is a short plate, a hinge two pins, free nothing."""
+"""What holds the ends of a strip, in pictures: a clamp is a short plate, a hinge two pins, free nothing."""
 
 from __future__ import annotations
 
@@ -49,6 +49,12 @@ def plates(record: StateRecord) -> Array:
     return np.array(found).reshape(-1, 4, 3)
 
 
+def middle_of(record: StateRecord, corners: Array) -> Array:
+    """What lies in the middle of a picture (3,): of a strip that may move its start, which does not."""
+    middle: Array = corners.reshape(-1, 3).mean(axis=0) if record.parts.ends is None else record.midline[0]
+    return middle
+
+
 def with_plates(record: StateRecord) -> Array:
     """Corners (N + k, 4, 3) of the facets, then of the plates."""
     corners: Array = np.concatenate((facet_corners(record), plates(record)))
@@ -72,4 +78,5 @@ def draw_pins(axes: Axes, record: StateRecord, flat: Array, style: Style) -> Non
             markeredgecolor=INK,
             markeredgewidth=0.75 * style.line,
             zorder=3,
+            clip_on=False,
         )
