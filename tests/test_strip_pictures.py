@@ -12,8 +12,10 @@ from matplotlib.collections import PolyCollection
 from picture_support import run_named, states_of
 from strip_runs import strips
 
+import ribbon_cli as ribbon_api
 from ribbon_cli import analysis, plot
 from ribbon_cli.export.series import along, branch, levels
+from ribbon_cli.pages.run import run_page
 from ribbon_cli.parts import Ends, Parts
 from ribbon_cli.plot.canvas import Figure
 from ribbon_cli.plot.kinds import Source
@@ -155,5 +157,21 @@ def test_show_says_what_a_strip_is(strips: Path) -> None:
     assert shown["topology"] == {"open": True}
     assert shown["parameters"]["shear"] == 0.06
     words = ribbon("show", "sheared:3", "--runs", strips).stdout
-    assert "Tw + Wr" in words
-    assert "Lk" not in words
+    assert "twist_plus_writhe" in words
+    assert "linking" not in words
+    listed = ribbon("ls", "sheared", "--runs", strips).stdout
+    assert "Tw + Wr" in listed
+    assert "Lk" not in listed
+
+
+def test_pages_and_notebooks_show_parameters_and_no_linking_number(strips: Path) -> None:
+    for name, parameter in (("sheared", "shear"), ("cantilever", "end_force_y"), ("branch", "span")):
+        page = run_page(run_named(strips, name)).decode()
+        assert f">{parameter}</th>" in page or name == "branch"
+        assert "Tw + Wr found" in page
+        assert ">Lk<" not in page
+    run = ribbon_api.open("sheared", runs=strips)
+    html = run._repr_html_()
+    assert ">shear</th>" in html
+    assert "Tw + Wr" in html
+    assert "shear = 0.06" in run[3]._repr_html_()

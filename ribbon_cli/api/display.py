@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from ribbon_cli import api, digits, export, plot
 from ribbon_cli.errors import RibbonError
 from ribbon_cli.pages import html
-from ribbon_cli.pages.columns import OF_STATES, contact, listing
+from ribbon_cli.pages.columns import OF_STATES, contact, listing, named_for
 from ribbon_cli.store import Summary, content_sha256
 from ribbon_cli.text import visible
 
@@ -27,11 +27,13 @@ def state_text(state: api.OpenState) -> str:
 
 def state_html(state: api.OpenState) -> str:
     """A state as a small table."""
-    linking = "Tw + Wr" if state.seam_open else "Lk"
+    linking = "Tw + Wr" if state.seam_open else export.words.linking_name((state,))
+    others = export.words.others_in_words(state)
     rows: list[tuple[str, html.Cell]] = [
         ("certificate", (export.words.verdict(state), _mark(state.certified and state.kind != "auxiliary"))),
         ("self-contact", contact(state)),
         ("b", f"{state.half_width:.10g}"),
+        *([("parameters", others)] if others else []),
         ("N", str(state.segments)),
         ("E", digits.energy(state.energy)),
         (linking, _number(state.linking_number)),
@@ -64,7 +66,7 @@ def run_html(run: api.OpenRun) -> str:
     title = html.paragraph(f"run {run.name}: {_counts(states, len(run.entries()), len(lost))}")
     left = len(states) - SHOWN
     more = html.paragraph(f"the last {SHOWN}; `run.table()` has {left} before them") if left > 0 else ""
-    return title + listing(_STATES, states[-SHOWN:]) + more
+    return title + listing(named_for(_STATES, states), states[-SHOWN:]) + more
 
 
 _STATES = dict(OF_STATES) | {

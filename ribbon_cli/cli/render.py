@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from ribbon_cli import digits, study
-from ribbon_cli.export.words import MEETS_ITSELF
+from ribbon_cli.export.words import MEETS_ITSELF, linking_name
 from ribbon_cli.store import StateRecord, Summary, varying
 from ribbon_cli.store.events import Event, Removed
 from ribbon_cli.text import aligned, ranges, visible
@@ -80,10 +80,16 @@ def _linking_number(value: float | None) -> str:
 _FIGURES = ("E", "status", "Lk", "contact", "gradient", "constraint", "certificate")
 
 
+def _heads(states: Iterable[Summary]) -> list[str]:
+    """Names of the figures of states."""
+    name = linking_name(states)
+    return [name if head == "Lk" else head for head in _FIGURES]
+
+
 def states_table(states: Sequence[Summary], kinds: bool) -> str:
     """The states of a run, with the parameters that they differ in, and with kind and stage if `kinds`."""
     moved = varying(states)
-    heads = ["label", "b", *moved, "N", *_FIGURES, *(("kind", "stage") if kinds else ())]
+    heads = ["label", "b", *moved, "N", *_heads(states), *(("kind", "stage") if kinds else ())]
     rows = (
         [
             str(state.label),
@@ -108,7 +114,7 @@ def targets_table(targets: Iterable[study.Target], states: Mapping[int, Summary]
         figures = empty if state is None else _figures(state)
         label = MISSING if target.label is None else str(target.label)
         rows.append([number(target.half_width, ".10g"), str(target.segments), label, *figures])
-    return columns(["b", "N", "label", *_FIGURES], rows)
+    return columns(["b", "N", "label", *_heads(states.values())], rows)
 
 
 def branch_text(course: study.Course) -> str:

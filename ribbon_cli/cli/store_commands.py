@@ -128,7 +128,10 @@ def _show_state(settings: Settings, ref: str) -> None:
     facts = {key: value for key, value in record.provenance.items() if key not in _WHOLE_CONFIGS}
     words = {"status": status_in_words(record), "certified": certificate_in_words(record)}
     del document["event_kinds"]  # people read the events' sentences
-    emit(listing(document | words | {"provenance": facts}))
+    shown = document | words | {"provenance": facts}
+    # Between separated ends no curves are linked: what is stored is Tw + Wr.
+    names = {"linking_number": "twist_plus_writhe"} if record.parts.ends is not None else {}
+    emit(listing({names.get(key, key): value for key, value in shown.items()}))
 
 
 def _spectra(record: store.StateRecord) -> dict[str, Any]:

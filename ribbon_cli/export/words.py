@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
-from ribbon_cli.store import StateRecord
+from ribbon_cli.parts import HALF_WIDTH
+from ribbon_cli.store import StateRecord, Summary
 
 MEETS_ITSELF = "touches or passes through itself (no contact forces)"
 """Of a state whose facets meet: which of the two it does is not stored, and nothing holds facets apart."""
@@ -47,3 +48,14 @@ def contact_warning(records: Sequence[StateRecord]) -> str:
     more = f" and {len(meeting) - MOST_LABELS} more" if len(meeting) > MOST_LABELS else ""
     words = "touch or pass through themselves (no contact forces)"
     return f"of {len(records)} states {len(meeting)} {words}: {labels}{more}"
+
+
+def linking_name(states: Iterable[Summary | StateRecord]) -> str:
+    """What the stored linking number is called: between separated ends no curves are linked."""
+    return "Tw + Wr" if {state.sigma for state in states} == {0} else "Lk"
+
+
+def others_in_words(state: Summary | StateRecord) -> str:
+    """The parameters besides the half-width that are not zero."""
+    others = ((name, value) for name, value in state.parameters.items() if name != HALF_WIDTH and value)
+    return ", ".join(f"{name} = {value:.10g}" for name, value in others)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from ribbon_cli import digits
-from ribbon_cli.export.words import MEETS_ITSELF
+from ribbon_cli.export.words import MEETS_ITSELF, linking_name
 from ribbon_cli.pages.html import Cell, table
+from ribbon_cli.store import Summary
+from ribbon_cli.store.summaries import varying
 
 Column = Callable[[Any], Cell]
 
@@ -35,6 +37,22 @@ OF_STATES: Mapping[str, Column] = {
     "status": lambda state: state.status,
 }
 """Columns of summaries; those of the points of branches as well, but for N."""
+
+
+def named_for(columns: Mapping[str, Column], states: Sequence[Summary]) -> dict[str, Column]:
+    """Columns for these states: after `b` the parameters that they differ in, and Tw + Wr where they are of
+    strips with ends."""
+    found: dict[str, Column] = {}
+    for name, cell in columns.items():
+        found[linking_name(states) if name == "Lk" else name] = cell
+        if name == "b":
+            found |= {other: _parameter(other) for other in varying(states)}
+    return found
+
+
+def _parameter(name: str) -> Column:
+    """The column of a parameter."""
+    return lambda state: number(state.parameters.get(name), ".10g")
 
 
 def listing(columns: Mapping[str, Column], items: Iterable[Any]) -> str:

@@ -6,13 +6,14 @@ from ribbon_cli.analysis import multiplier_curves, run_table
 from ribbon_cli.errors import UsageError
 from ribbon_cli.export.series import branch, courses, finest, latest
 from ribbon_cli.export.words import MEETS_ITSELF
-from ribbon_cli.pages.columns import OF_STATES, listing, number
+from ribbon_cli.pages.columns import OF_STATES, listing, named_for, number
 from ribbon_cli.pages.html import Cell, heading, page, paragraph, picture, preformatted, table
 from ribbon_cli.plot.figure import image
 from ribbon_cli.plot.kinds import Source, draw
 from ribbon_cli.plot.style import Style
 from ribbon_cli.report.tables import RENDERERS
 from ribbon_cli.store import Run, StateRecord
+from ribbon_cli.store.summaries import varying
 
 SCREEN = Style("screen", 6.3, 8.0, 1.0, 0.35, 3.0, 130)
 """The look of `paper` with dots enough for a screen."""
@@ -24,8 +25,9 @@ def run_page(run: Run) -> bytes:
     """The page of a run, from what is stored. Raises UsageError for a run without equilibria, StoreError."""
     shown = finest(run)
     records = [run.load(state.label) for state in shown]
+    states = latest(run.states())
     body = [heading(1, f"Run {run.short_name}"), *_summary(run, records)]
-    body += [heading(2, "Equilibria"), listing(STATES, latest(run.states()))]
+    body += [heading(2, "Equilibria"), listing(named_for(STATES, states), states)]
     body += [heading(2, "Shapes"), *_shapes(run, records)]
     body += [heading(2, "Fields and branch"), *_pictures(run)]
     body += [heading(2, "Convergence"), *_convergence(run)]
@@ -55,16 +57,18 @@ def _summary(run: Run, records: list[StateRecord]) -> list[str]:
     linking = sorted(
         {round(state.linking_number, 6) + 0.0 for state in states if state.linking_number is not None}
     )
+    name = "Linking numbers" if states[0].sigma else "Tw + Wr"
     again = len(states) - len(latest(states))
     rest = f" (of {again} another at the same half-width and N is listed)" if again else ""
+    where = "places" if varying(states) else "half-widths"
     return [
         paragraph(
-            f"{run.name}: {len(states)} equilibria{rest} at {len(records)} half-widths, {certified} "
+            f"{run.name}: {len(states)} equilibria{rest} at {len(records)} {where}, {certified} "
             f"certified minima of their discrete problem: stationary, no facet inverted, positive definite "
             f"on the constraints by exact count. Stored states: {counts}."
         ),
         paragraph(
-            f"Linking numbers found: {', '.join(f'{lk:g}' for lk in linking)}. Largest gradient residual of "
+            f"{name} found: {', '.join(f'{lk:g}' for lk in linking)}. Largest gradient residual of "
             f"an equilibrium: {worst:.1e}. {contact}"
         ),
     ]

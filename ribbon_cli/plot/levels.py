@@ -190,9 +190,9 @@ def convergence_figure(table: Table, style: Style) -> Figure:
     beside = width * 72 >= BESIDE * style.font
     figure = Figure(figsize=(width, height if beside else style.row(0.6)), layout="constrained")
     axes = figure.subplots()
-    places = [{HALF_WIDTH: b, **dict(others)} for b, others in groups]
-    names = [name for name in PARAMETERS if any(name in place for place in places)]
-    columns = [parameter_column(places, name) for name in names]
+    situated = [{HALF_WIDTH: b, **dict(others)} for b, others in groups]
+    names = [name for name in PARAMETERS if any(name in place for place in situated)]
+    columns = [parameter_column(situated, name) for name in names]
     texts = [", ".join(filter(None, parts)) for parts in zip(*columns, strict=True)]
     for k, (rows, text) in enumerate(zip(groups.values(), texts, strict=True)):
         zeros = [str(row.segments) for row in rows if not row.delta]
