@@ -174,4 +174,4 @@ def test_pages_and_notebooks_show_parameters_and_no_linking_number(strips: Path)
     html = run._repr_html_()
     assert ">shear</th>" in html
     assert "Tw + Wr" in html
-    assert "shear = 0.06" in run[3]._repr_html_()
+    assert "shear = 0.06" in run.state(3)._repr_html_()
