@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
+from collections.abc import Sequence
 
 from ribbon_cli.errors import UsageError
-from ribbon_cli.facts import same_width
+from ribbon_cli.parts import HALF_WIDTH, PARAMETERS
 from ribbon_cli.store import Run, Summary
 from ribbon_cli.store.refs import by_place, meant, no_equilibria
 
@@ -43,6 +45,37 @@ def branch(run: Run, segments: int | None = None) -> list[Summary]:
     return [state for state in states if state.segments == segments]
 
 
+def along(states: Sequence[Summary]) -> tuple[str, list[Summary]]:
+    """Of states on one N the most that differ in one parameter alone, in its order, and that parameter.
+
+    States of closed bands, which mostly have the half-width alone, are all of them.
+    """
+    every = [state.parameters or {HALF_WIDTH: state.half_width} for state in states]
+    moving = [name for name in PARAMETERS if len({row.get(name) for row in every}) > 1] or [HALF_WIDTH]
+    best: tuple[str, list[Summary]] = (moving[0], [])
+    for name in moving:
+        groups: dict[tuple[float | None, ...], list[Summary]] = {}
+        for state, row in zip(states, every, strict=True):
+            groups.setdefault(tuple(row.get(other) for other in moving if other != name), []).append(state)
+        longest = max(groups.values(), key=len)
+        if len(longest) > len(best[1]):
+            best = name, longest
+    return best[0], sorted(best[1], key=lambda state: value_at(state, best[0]))
+
+
+def value_at(state: Summary, name: str) -> float:
+    """The value of a parameter at a state, not-a-number where it has none."""
+    value = state.half_width if name == HALF_WIDTH else state.parameters.get(name)
+    return math.nan if value is None else value
+
+
+def followed_in(points: Sequence[Summary]) -> str:
+    """The parameter of a branch that was followed."""
+    return next(
+        (point.branch.parameter for point in points if point.branch and point.branch.parameter), HALF_WIDTH
+    )
+
+
 def finest(run: Run) -> list[Summary]:
     """The finest equilibrium of each half-width and other parameters. Raises UsageError if there is none."""
     branch(run)
@@ -51,9 +84,12 @@ def finest(run: Run) -> list[Summary]:
     )
 
 
-def levels(run: Run, half_width: float) -> list[Summary]:
-    """The equilibria of one half-width by N."""
-    return [state for state in latest(run.states()) if same_width(state.half_width, half_width)]
+def levels(run: Run) -> list[list[Summary]]:
+    """The equilibria of each half-width and other parameters by N."""
+    found: dict[tuple[object, ...], list[Summary]] = {}
+    for (b, _, others), group in by_place(run.states()).items():
+        found.setdefault((b, others), []).append(meant(group))
+    return list(found.values())
 
 
 def courses(run: Run, segments: int | None = None) -> dict[str, list[Summary]]:

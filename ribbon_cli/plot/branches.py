@@ -11,9 +11,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
+from ribbon_cli.parts import HALF_WIDTH
 from ribbon_cli.plot.canvas import Figure
 from ribbon_cli.plot.labels import legend_above, plain
-from ribbon_cli.plot.panels import branch_panels, energies, panels, wide_scale
+from ribbon_cli.plot.panels import branch_panels, energies, energy_unit, panels, wide_scale
 from ribbon_cli.plot.style import INK, LIGHT_GREY, PALETTE, Style, branch_look, spread
 from ribbon_cli.store import Summary
 
@@ -34,13 +35,15 @@ DWARFED = 100.0
 """Ratio of the largest eigenvalue to the median beyond which a linear scale shows most as zero."""
 ROW_SHARE = 0.4
 """Height of a row of panels as a part of the width."""
-TITLES = ("$E / E_{ring}$", "lowest eigenvalue", "clearance")
 
 
 def arclength_figure(
-    courses: Mapping[str, Sequence[Summary]], starts: Mapping[int, float | None], style: Style
+    courses: Mapping[str, Sequence[Summary]],
+    starts: Mapping[int, float | None],
+    style: Style,
+    parameter: str = HALF_WIDTH,
 ) -> Figure:
-    """Energy, lowest eigenvalue and clearance over the half-width along branches.
+    """Energy, lowest eigenvalue and clearance over a parameter along branches.
 
     `courses` are summaries of states by the name of the branch, from its start on; `starts` the lowest
     eigenvalue by label of a start that is no point of a branch. Dashes tell how many directions lead down,
@@ -49,8 +52,8 @@ def arclength_figure(
     figure, places = panels(style, 3, 3, ROW_SHARE)
     used: set[int | None] = set()
     for k, points in enumerate(courses.values()):
-        b, energy, clearance = energies(points)
-        ring = 2 * np.pi**2 * b / points[0].length
+        b, energy, clearance = energies(points, parameter)
+        title, ring = energy_unit(points)
         lowest = np.array([_eigenvalue(p, starts) for p in points])
         look = branch_look(k) if len(courses) > 1 else {"color": PALETTE[0]}
         for axes, values in zip(places, (energy / ring, lowest, clearance), strict=True):
@@ -59,7 +62,7 @@ def arclength_figure(
                 first, step = spread(k, len(points))
                 axes.plot(b[first::step], values[first::step], linestyle="", zorder=3, **look)
             mark_points(axes, points, b, values, look["color"], style)
-    branch_panels(places, TITLES)
+    branch_panels(places, (title, "lowest eigenvalue", "clearance"), parameter)
     _tame(places[1])
     places[1].axhline(0.0, color=LIGHT_GREY, linewidth=0.6, zorder=0)
     places[2].set_ylim(bottom=0.0)

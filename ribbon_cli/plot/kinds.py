@@ -8,14 +8,25 @@ from dataclasses import dataclass, replace
 from typing import TypeVar
 
 from ribbon_cli.errors import UsageError
-from ribbon_cli.export.series import branch, courses, finest, latest, left_out, levels
+from ribbon_cli.export.series import along, branch, courses, finest, followed_in, left_out, levels, value_at
+from ribbon_cli.parts import HALF_WIDTH
 from ribbon_cli.plot.branches import arclength_figure
 from ribbon_cli.plot.canvas import Figure
 from ribbon_cli.plot.curves import Curve, geometry_figure, multipliers_figure
 from ribbon_cli.plot.figure import dressed, state_caption
 from ribbon_cli.plot.flat import pattern_figure
-from ribbon_cli.plot.labels import band_text, listed, panel_titles, run_texts, width_texts
+from ribbon_cli.plot.labels import (
+    Placed,
+    band_text,
+    listed,
+    panel_titles,
+    parameter_text,
+    place_texts,
+    run_texts,
+    width_texts,
+)
 from ribbon_cli.plot.levels import (
+    PlacedAt,
     branch_figure,
     convergence_figure,
     differences,
@@ -145,7 +156,7 @@ def _spread_out(run: Run, segments: int | None, most: int) -> tuple[tuple[StateR
     """At most so many widths of a run, and words for the title where that are not all of them."""
     found = branch(run, segments) if segments else finest(run)
     chosen = _thinned(found, most)
-    note = _without([s.half_width for s in found], [s.half_width for s in chosen])
+    note = _without(found, chosen)
     return tuple(run.load(state.label) for state in chosen), note + left_out(run, chosen)
 
 
@@ -156,13 +167,18 @@ def _thinned(items: Sequence[T], most: int) -> list[T]:
     return [items[round(k * (len(items) - 1) / (most - 1))] for k in range(most)]
 
 
-def _without(found: Sequence[float], chosen: Sequence[float]) -> str:
-    """Words for the title where of some half-widths not all were chosen: how many, and which are left out."""
+def _without(found: Sequence[Placed], chosen: Sequence[Placed]) -> str:
+    """Words for the title where of some places not all were chosen: how many, and which are left out."""
     if len(chosen) == len(found):
         return ""
-    texts = dict(zip(found, width_texts(found), strict=True))
-    without = listed([text for b, text in texts.items() if b not in chosen])
-    return f", {len(chosen)} of {len(found)} half-widths, without b = {without}"
+    kept = {id(place) for place in chosen}
+    if len({place.half_width for place in found}) == len(found):
+        texts = width_texts([place.half_width for place in found])
+        what, start = "half-widths", "b = "
+    else:
+        texts, what, start = [text.replace("$", "") for text in place_texts(found)], "places", ""
+    without = listed([text for place, text in zip(found, texts, strict=True) if id(place) not in kept])
+    return f", {len(chosen)} of {len(found)} {what}, without {start}{without}"
 
 
 def _shape(source: Source, style: Style) -> Picture:
@@ -220,8 +236,8 @@ def _refined(run: Run) -> tuple[StateRecord, ...]:
     """The levels of the half-width that has most of them with whole spectra, else with any."""
     branch(run)
     best: list[StateRecord] = []
-    for b in dict.fromkeys(state.half_width for state in latest(run.states())):
-        records = [run.load(state.label) for state in levels(run, b)]
+    for group in levels(run):
+        records = [run.load(state.label) for state in group]
         whole = [r for r in records if r.spectra and all(s.complete for s in r.spectra)]
         chosen = whole or [r for r in records if r.spectra]
         if len(chosen) > len(best):
@@ -235,8 +251,10 @@ def _convergence(source: Source, style: Style) -> Picture:
     table = source.table(_run(source, "convergence"))
     found = list(differences(table))
     chosen = _thinned(found, MOST_LOOKS)
-    shown = replace(table, rows=tuple(row for row in table.rows if row.half_width in chosen))
-    title = "Energy differences under refinement" + _without(found, chosen)
+    shown = replace(table, rows=tuple(row for row in table.rows if (row.half_width, row.others) in chosen))
+    everywhere = [PlacedAt(b, {HALF_WIDTH: b, **dict(others)}) for b, others in found]
+    title = "Energy differences under refinement"
+    title += _without(everywhere, [everywhere[found.index(place)] for place in chosen])
     return Picture(convergence_figure(shown, style), title, ())
 
 
@@ -246,43 +264,64 @@ def _branch(source: Source, style: Style) -> Picture:
         return _runs(source, style)
     if followed := courses(run, source.segments):
         return _followed(run, followed, style)
-    states = branch(run, source.segments)
+    every = branch(run, source.segments)
+    parameter, states = along(every)
+    name = _called(parameter)
     if len(states) < 2:
-        raise UsageError(
-            f"{run.name} has one half-width only at N = {states[0].segments}: a branch needs two"
-        )
+        raise UsageError(f"{run.name} has one {name} only at N = {states[0].segments}: a branch needs two")
     records = tuple(run.load(state.label) for state in states)
     # Where the run located the first contact, its states are not among the equilibria that someone named. It
     # lies elsewhere on every mesh.
     located = [
-        state.half_width
+        value_at(state, parameter)
         for state in run.states(all=True)
         if state.segments == states[0].segments and "first-contact" in state.event_kinds
     ]
     contact = min(located, default=None)
     lowest = [lowest_value(r, "rotation", "sliding") for r in records]
-    figure = branch_figure(states, lowest, style, contact)
-    return Picture(figure, f"Branch in the width{left_out(run, states)}", records)
+    figure = branch_figure(states, lowest, style, contact, parameter)
+    title = f"Branch in the {'width' if parameter == HALF_WIDTH else name}{left_out(run, states)}"
+    return Picture(figure, title + _elsewhere(len(every) - len(states)), records)
+
+
+def _called(parameter: str) -> str:
+    """A parameter in sentences."""
+    return "half-width" if parameter == HALF_WIDTH else parameter_text(parameter)
+
+
+def _elsewhere(count: int) -> str:
+    """Words on states that lie elsewhere in other parameters, and are not of the branch."""
+    return f"; without {count} at other values of other parameters" if count else ""
+
+
+def _one_parameter(followed: dict[str, list[Summary]]) -> tuple[str, dict[str, list[Summary]]]:
+    """The parameter in which a run's first branch was followed, and its branches in that."""
+    parameter = followed_in(next(iter(followed.values())))
+    return parameter, {name: points for name, points in followed.items() if followed_in(points) == parameter}
 
 
 def _followed(run: Run, followed: dict[str, list[Summary]], style: Style) -> Picture:
     """Branches that arclength continuation followed, around folds and over saddles."""
+    count = len(followed)
+    parameter, followed = _one_parameter(followed)
     first = {points[0].label for points in followed.values() if points[0].branch is None}
     starts = {label: lowest_value(run.load(label), "rotation") for label in first}
     every = {p.label: p.branch.type for points in followed.values() for p in points if p.branch}
     types = list(every.values())
     shown = dict(list(followed.items())[:MOST_LOOKS])
-    title = f"Branches in the width: {len(followed)}"
+    title = f"Branches in the {'width' if parameter == HALF_WIDTH else _called(parameter)}: {len(followed)}"
+    if len(followed) < count:
+        title += f", without {count - len(followed)} in other parameters"
     if len(shown) < len(followed):
         title += f", {len(shown)} of them shown, without {listed(list(followed)[MOST_LOOKS:])}"
     for kind, name in (("fold", "folds"), ("branch-point", "branch points")):
         if kind in types:
             title += f", {name}: {types.count(kind)}"
-    return Picture(arclength_figure(shown, starts, style), title, ())
+    return Picture(arclength_figure(shown, starts, style, parameter), title, ())
 
 
 def _runs(source: Source, style: Style) -> Picture:
-    """Energies of several runs over the half-width."""
+    """Energies of several runs over a parameter, the one in which the first leads on."""
     runs = (_run(source, "branch"), *source.beside)
     if len({run.path.resolve() for run in runs}) < len(runs):
         raise UsageError("--with names a run that is there already")
@@ -290,9 +329,21 @@ def _runs(source: Source, style: Style) -> Picture:
         raise UsageError(f"branch tells {MOST_RUNS} runs apart, and {len(runs)} are named: leave some out")
     shown: list[list[list[Summary]]] = []
     words = []
+    parameter = ""
     for run in runs:
-        followed = list(courses(run, source.segments).values())
-        states = branch(run, source.segments) if not followed else []
+        followed: list[list[Summary]] = []
+        states: list[Summary] = []
+        if of_run := courses(run, source.segments):
+            own, kept = _one_parameter(of_run)
+            followed = list(kept.values())
+        else:
+            own, states = along(branch(run, source.segments))
+        parameter = parameter or own
+        if own != parameter:
+            raise UsageError(
+                f"branch has one axis: {runs[0].name} moves in {_called(parameter)}, "
+                f"{run.name} in {_called(own)}"
+            )
         shown.append(followed or [states])
         every = {state.label: state for points in shown[-1] for state in points}.values()
         certified = sum(state.certified for state in every)
@@ -300,16 +351,18 @@ def _runs(source: Source, style: Style) -> Picture:
         words.append(
             f"{run.name}, N = {meshes} ({certified} of {len(every)} certified{left_out(run, states)})"
         )
-    bands = [band_text(run.load(c[0][0].label).half_twists) for run, c in zip(runs, shown, strict=True)]
-    figure = runs_figure(run_texts(runs), bands, shown, style)
-    title = f"Energies of {len(runs)} runs over the half-width"
+    firsts = [of_run[0][0] for of_run in shown]
+    bands = [band_text(point.half_twists, point.sigma) for point in firsts]
+    figure = runs_figure(run_texts(runs), bands, shown, style, parameter)
+    title = f"Energies of {len(runs)} runs over the {_called(parameter)}"
     return Picture(figure, title, (), caption="; ".join(words))
 
 
 def _family(source: Source, style: Style) -> Picture:
     run = _run(source, "family")
     records, note = _spread_out(run, source.segments, MOST_SHAPES)
-    return Picture(family_figure(records, style, source.angles), f"Shapes at several widths{note}", records)
+    what = "widths" if records[0].parts.ends is None else "places"
+    return Picture(family_figure(records, style, source.angles), f"Shapes at several {what}{note}", records)
 
 
 def _mode(source: Source, style: Style) -> Picture:

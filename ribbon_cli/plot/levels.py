@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,18 +12,20 @@ from matplotlib.axes import Axes
 
 from ribbon_cli.digits import powers, significant
 from ribbon_cli.errors import UsageError
+from ribbon_cli.parts import HALF_WIDTH, PARAMETERS
 from ribbon_cli.plot.canvas import Figure
 from ribbon_cli.plot.labels import (
     LEGEND_LINE,
     band_text,
     curve_labels,
     legend_above,
+    parameter_column,
+    parameter_text,
     place_texts,
-    width_texts,
 )
-from ribbon_cli.plot.panels import branch_panels, energies, panels
+from ribbon_cli.plot.panels import branch_panels, energies, energy_unit, panels
 from ribbon_cli.plot.style import GREY, LIGHT_GREY, PALETTE, Style, line_look, marked_look
-from ribbon_cli.report.convergence import Row, Table
+from ribbon_cli.report.convergence import Others, Row, Table
 from ribbon_cli.store import SpectrumRecord, StateRecord, Summary
 
 NEGATIVE = "#B00020"
@@ -187,9 +190,13 @@ def convergence_figure(table: Table, style: Style) -> Figure:
     beside = width * 72 >= BESIDE * style.font
     figure = Figure(figsize=(width, height if beside else style.row(0.6)), layout="constrained")
     axes = figure.subplots()
-    for k, (rows, text) in enumerate(zip(groups.values(), width_texts(list(groups)), strict=True)):
+    places = [{HALF_WIDTH: b, **dict(others)} for b, others in groups]
+    names = [name for name in PARAMETERS if any(name in place for place in places)]
+    columns = [parameter_column(places, name) for name in names]
+    texts = [", ".join(filter(None, parts)) for parts in zip(*columns, strict=True)]
+    for k, (rows, text) in enumerate(zip(groups.values(), texts, strict=True)):
         zeros = [str(row.segments) for row in rows if not row.delta]
-        label = f"$b$ = {text}" + (f"\n0 at $N$ = {', '.join(zeros)}" if zeros else "")
+        label = text + (f"\n0 at $N$ = {', '.join(zeros)}" if zeros else "")
         places = [row.segments for row in rows], [row.delta or math.nan for row in rows]
         axes.loglog(*places, label=label, **marked_look(k))
     doubtful = [row for rows in groups.values() for row in rows if row.delta and row.doubtful]
@@ -216,12 +223,20 @@ def convergence_figure(table: Table, style: Style) -> Figure:
     return figure
 
 
-def differences(table: Table) -> dict[float, list[Row]]:
-    """The rows of a table that have a difference, by half-width."""
-    groups: dict[float, list[Row]] = {}
+@dataclass(frozen=True)
+class PlacedAt:
+    """A half-width and all parameters, without a state."""
+
+    half_width: float
+    parameters: Mapping[str, float | None]
+
+
+def differences(table: Table) -> dict[tuple[float, Others], list[Row]]:
+    """The rows of a table that have a difference, by half-width and other parameters."""
+    groups: dict[tuple[float, Others], list[Row]] = {}
     for row in table.rows:
         if row.delta is not None:
-            groups.setdefault(row.half_width, []).append(row)
+            groups.setdefault((row.half_width, row.others), []).append(row)
     return groups
 
 
@@ -268,25 +283,26 @@ def branch_figure(
     lowest: Sequence[float | None],
     style: Style,
     contact: float | None = None,
+    parameter: str = HALF_WIDTH,
 ) -> Figure:
-    """Energy, lowest eigenvalue and clearance over the half-width.
+    """Energy, lowest eigenvalue and clearance over a parameter.
 
-    `states` are summaries along the branch in the order of the widths; `lowest` the lowest eigenvalue of
+    `states` are summaries along the branch in its order; `lowest` the lowest eigenvalue of
     each in the physical metric, rotations and sliding left out, None where no spectrum is stored. Filled
     marks are certified minima, open ones are not; crosses have self-contact. A line is
-    drawn at `contact`, the half-width at which that was found to begin.
+    drawn at `contact`, the value at which that was found to begin.
     """
     figure, places = panels(style, 3, 3, 0.4)
-    b, energy, clearance = energies(states)
-    ring = 2 * np.pi**2 * b / states[0].length
+    b, energy, clearance = energies(states, parameter)
+    title, ring = energy_unit(states)
     eigenvalues = np.array([np.nan if v is None else v for v in lowest])
-    titles = ("$E / E_{ring}$", "lowest eigenvalue but sliding", "clearance")
-    branch_panels(places, titles)
+    lowest_title = "lowest eigenvalue but sliding" if states[0].sigma else "lowest eigenvalue"
+    branch_panels(places, (title, lowest_title, "clearance"), parameter)
     for axes, values in zip(places, (energy / ring, eigenvalues, clearance), strict=True):
         axes.plot(b, values, color=PALETTE[0], zorder=1)
         _mark(axes, states, b, values, style)
         if contact is not None:
-            label = f"first contact, $b$ = {powers(significant(contact, 5))}"
+            label = f"first contact, {parameter_text(parameter)} = {powers(significant(contact, 5))}"
             axes.axvline(contact, color=PALETTE[1], linestyle=(0, (1.2, 1.6)), zorder=0, label=label)
         if np.isnan(values).all():
             axes.text(0.5, 0.5, "not stored", transform=axes.transAxes, ha="center", color=GREY)

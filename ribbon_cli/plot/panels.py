@@ -8,7 +8,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
+from ribbon_cli.export.series import value_at
+from ribbon_cli.parts import HALF_WIDTH
 from ribbon_cli.plot.canvas import Figure
+from ribbon_cli.plot.labels import parameter_text
 from ribbon_cli.plot.style import PANEL, Style
 from ribbon_cli.store import Summary
 
@@ -30,19 +33,26 @@ def panels(
     return figure, list(figure.subplots(rows, columns, squeeze=False).ravel())
 
 
-def branch_panels(axes: Sequence[Axes], titles: Sequence[str]) -> None:
-    """Panels over the half-width, with their titles."""
+def branch_panels(axes: Sequence[Axes], titles: Sequence[str], parameter: str = HALF_WIDTH) -> None:
+    """Panels over a parameter, with their titles."""
     for place, title in zip(axes, titles, strict=True):
         place.set_title(title, loc="left")
-        place.set_xlabel("$b$")
+        place.set_xlabel(parameter_text(parameter))
         place.margins(0.06)
 
 
-def energies(states: Sequence[Summary]) -> tuple[Array, Array, Array]:
-    """Half-widths, energies and clearances (n,) of states."""
-    b = np.array([state.half_width for state in states])
+def energies(states: Sequence[Summary], parameter: str = HALF_WIDTH) -> tuple[Array, Array, Array]:
+    """Values of a parameter, energies and clearances (n,) of states."""
+    b = np.array([value_at(state, parameter) for state in states])
     energy = np.array([state.energy for state in states], dtype=float)
     return b, energy, np.array([state.clearance for state in states], dtype=float)
+
+
+def energy_unit(states: Sequence[Summary]) -> tuple[str, Array | float]:
+    """What energies are shown by, a ring's of a closed band (n,), and their title."""
+    if states[0].sigma == 0:
+        return "$E$", 1.0
+    return "$E / E_{ring}$", np.array([2 * np.pi**2 * state.half_width / state.length for state in states])
 
 
 def wide_scale(axes: Axes, low: int, high: int) -> None:

@@ -9,9 +9,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
+from ribbon_cli.parts import HALF_WIDTH, PARAMETERS
 from ribbon_cli.plot.branches import draw_course, mark_points, meanings
 from ribbon_cli.plot.canvas import Figure
-from ribbon_cli.plot.labels import legend_above
+from ribbon_cli.plot.labels import legend_above, parameter_column, parameter_text
 from ribbon_cli.plot.panels import energies
 from ribbon_cli.plot.style import BRANCH_MARKERS, INK, Style, branch_look, spread
 from ribbon_cli.store import Summary
@@ -27,9 +28,13 @@ CONTACT = "self-contact"
 
 
 def runs_figure(
-    names: Sequence[str], bands: Sequence[str], runs: Sequence[Sequence[Course]], style: Style
+    names: Sequence[str],
+    bands: Sequence[str],
+    runs: Sequence[Sequence[Course]],
+    style: Style,
+    parameter: str = HALF_WIDTH,
 ) -> Figure:
-    """Energy over the half-width, each run in a colour and with marks of its own.
+    """Energy over a parameter, each run in a colour and with marks of its own.
 
     `runs` has for each run summaries of states along its branches, `bands` what each is of. Marks are
     states, open ones without certificate, crosses those with self-contact; dashes tell how many directions
@@ -40,13 +45,14 @@ def runs_figure(
     used: set[int | None] = set()
     for k, courses in enumerate(runs):
         for points in courses:
-            used |= _draw(axes, points, k, style)
-    axes.set_xlabel("$b$")
+            used |= _draw(axes, points, k, style, parameter)
+    axes.set_xlabel(parameter_text(parameter))
     axes.set_ylabel("$E$")
     axes.margins(0.06)
     every = [point for courses in runs for points in courses for point in points]
     handles = [
-        Line2D([], [], label=label, **branch_look(k)) for k, label in enumerate(_labels(names, bands, runs))
+        Line2D([], [], label=label, **branch_look(k))
+        for k, label in enumerate(_labels(names, bands, runs, parameter))
     ]
     handles += meanings(used if used - {0} else set(), every)
     grey: dict[str, Any] = {"color": INK, "linestyle": ""}
@@ -58,9 +64,9 @@ def runs_figure(
     return figure
 
 
-def _draw(axes: Axes, points: Course, k: int, style: Style) -> set[int | None]:
+def _draw(axes: Axes, points: Course, k: int, style: Style, parameter: str) -> set[int | None]:
     """One branch of the run with this index; the indices that it has."""
-    b, energy, _ = energies(points)
+    b, energy, _ = energies(points, parameter)
     look = branch_look(k)
     used = draw_course(axes, points, b, energy, look["color"], style)
     first, step = spread(k, len(points)) if len(points) > FEW_STATES else (0, 1)
@@ -87,9 +93,15 @@ def _touches(point: Summary) -> bool:
     return point.self_contact and point.branch is None
 
 
-def _labels(names: Sequence[str], bands: Sequence[str], runs: Sequence[Sequence[Course]]) -> list[str]:
-    """Runs by name, and by band and N where they differ in these."""
+def _labels(
+    names: Sequence[str], bands: Sequence[str], runs: Sequence[Sequence[Course]], parameter: str
+) -> list[str]:
+    """Runs by name, and by band, N and other parameters where they differ in these."""
     meshes = [sorted({point.segments for points in courses for point in points}) for courses in runs]
     numbers = [f"$N$ = {found[0]}" if len(found) == 1 else "several $N$" for found in meshes]
-    shown = [list(names), *(column for column in (bands, numbers) if len(set(column)) > 1)]
-    return [", ".join(parts) for parts in zip(*shown, strict=True)]
+    columns: list[Sequence[str]] = [bands]
+    if parameter != HALF_WIDTH:
+        firsts = [{**courses[0][0].parameters, parameter: None} for courses in runs]
+        columns += [parameter_column(firsts, name) for name in PARAMETERS]
+    shown = [list(names), *(column for column in (*columns, numbers) if len(set(column)) > 1)]
+    return [", ".join(filter(None, parts)) for parts in zip(*shown, strict=True)]
