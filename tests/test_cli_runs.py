@@ -437,7 +437,7 @@ def test_provenance_keeps_the_config(tmp_path, monkeypatch):
     "config",
     [
         pytest.param(QUICK_MOBIUS, id="twist", marks=pytest.mark.faults),
-        pytest.param(QUICK_SCHOENKE, id="schoenke"),
+        pytest.param(QUICK_SCHOENKE, id="schoenke", marks=pytest.mark.long),
         pytest.param(QUICK_BRANCH, id="branch", marks=pytest.mark.faults),
     ],
 )

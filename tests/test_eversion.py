@@ -135,6 +135,7 @@ def test_the_half_turn_is_stored_as_pieces(tmp_path: Path) -> None:
     assert np.allclose(joined.g[half], whole.g[half], atol=1e-12)
 
 
+@pytest.mark.long
 def test_other_lengths_give_the_same_shape(tmp_path: Path) -> None:
     """Only 2b/l matters: at length 1 the energy is that of 2 pi."""
     energies = []
@@ -145,6 +146,7 @@ def test_other_lengths_give_the_same_shape(tmp_path: Path) -> None:
     assert energies[1] == pytest.approx(energies[0], rel=1e-9)
 
 
+@pytest.mark.long
 def test_a_ring_in_the_place_of_an_everted_cylinder_is_no_success(tmp_path: Path) -> None:
     """On 20 facets the freed band runs off; the saddle it starts on is all that is kept, uncertified."""
     run, code = everted(tmp_path, 20)

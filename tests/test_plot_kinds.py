@@ -63,6 +63,7 @@ def test_shapes_in_a_row_are_named_by_what_differs(solved, tmp_path):  # noqa: F
     assert "refined to" not in text
 
 
+@pytest.mark.long
 def test_the_same_picture_has_the_same_bytes(solved, tmp_path):  # noqa: F811
     for form in ("pdf", "svg", "png"):
         paths = [tmp_path / f"{k}.{form}" for k in range(2)]

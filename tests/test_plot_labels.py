@@ -305,6 +305,7 @@ def test_a_status_adds_no_lines_to_a_file(form, solved, tmp_path):  # noqa: F811
     assert sizes[0] == sizes[1]
 
 
+@pytest.mark.long
 def test_a_report_calls_rounding_zero(tmp_path):
     with np.errstate(all="raise", under="ignore"):
         run = solve(parse_config(QUICK_RING, "test"), runs=tmp_path).run

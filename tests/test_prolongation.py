@@ -107,6 +107,7 @@ def saddle(levels: dict[int, Result]) -> tuple[Problem, Array, Array]:
     return problem, x, y
 
 
+@pytest.mark.long
 def test_the_twin_on_a_node_is_a_saddle(saddle: tuple[Problem, Array, Array]) -> None:
     """Stationary to 1e-9 with one negative direction: what trusting residuals alone would return."""
     problem, x, y = saddle

@@ -62,6 +62,7 @@ def test_a_band_that_is_wide_open_is_refused_with_the_number(opened):
     assert "band.yaml:3:24: initial_guess.state: " in result.stderr
 
 
+@pytest.mark.long
 def test_a_fold_in_a_schedule_names_the_command_that_goes_around_it(opened):
     opened(0.0)
     with Path("band.yaml").open("a") as config:

@@ -68,7 +68,7 @@ AROUND_THE_FOLD = ("continue", "band:1", "--to", "0.12", "--back-to", "0.105", "
         pytest.param(EVERSION, SOLVE, (2, 6), id="eversion", marks=pytest.mark.faults),
         pytest.param(CONSTRUCTION, SOLVE, (1, 4), id="schoenke", marks=pytest.mark.faults),
         pytest.param(GIVEN, AROUND_THE_FOLD, (3, 7), id="continue-arclength", marks=pytest.mark.faults),
-        pytest.param(CONTACT, SOLVE, (2, 3), id="contact"),
+        pytest.param(CONTACT, SOLVE, (2, 3), id="contact", marks=pytest.mark.long),
     ],
 )
 def test_killed_and_resumed(

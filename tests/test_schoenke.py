@@ -153,6 +153,7 @@ def test_the_three_pi_band(tmp_path: Path, hand: int) -> None:
     )
 
 
+@pytest.mark.long
 def test_the_five_pi_band_is_a_saddle_and_kept_as_one(tmp_path: Path) -> None:
     """Index n - 3 = 2: the ways down lead through the band itself, which is no success."""
     outcome = solved(tmp_path, 5, 80, 0.1)

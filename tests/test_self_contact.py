@@ -120,6 +120,7 @@ def test_a_run_in_one_file_warns_too(folder):
     assert MEETS_ITSELF.encode() in Path("run.html").read_bytes()
 
 
+@pytest.mark.long
 def test_the_page_of_a_run_says_so(made):
     page = run_page(made).decode()
     assert f"the narrowest b = 0.6: there the band {MEETS_ITSELF}, whatever its certificate." in page

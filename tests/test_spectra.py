@@ -134,7 +134,9 @@ def check_agreement(segments: int, rule: Discretisation) -> None:
 
 
 @pytest.mark.parametrize("rule", RULES)
-@pytest.mark.parametrize("segments", [100, pytest.param(200, marks=pytest.mark.long)])
+@pytest.mark.parametrize(
+    "segments", [60, pytest.param(100, marks=pytest.mark.long), pytest.param(200, marks=pytest.mark.long)]
+)
 def test_inertia_dense_algebra_and_lanczos_agree(segments: int, rule: Discretisation) -> None:
     check_agreement(segments, rule)
 

@@ -185,7 +185,7 @@ def test_a_strip_goes_through_pack_rm_unpack_and_rerun(strips: Path, tmp_path: P
 
 def test_killed_and_resumed_a_strip_ends_with_the_same_bytes(strips: Path, tmp_path: Path) -> None:
     (tmp_path / "sheared.yaml").write_text(SHEARED)
-    for count in (1, 3):
+    for count in (2,):
         with spawn("solve", "sheared.yaml", "-q", cwd=tmp_path) as process:
             stop_after(process, tmp_path, count, signal.SIGKILL)
     assert run("solve", "sheared.yaml", "-q", cwd=tmp_path).returncode == 0

@@ -18,7 +18,10 @@ spectrum: {{modes: 0, full_up_to: 0}}
 """
 
 
-@pytest.mark.parametrize(("half_twists", "steps"), [(2, 20), pytest.param(-3, 30, marks=pytest.mark.large)])
+@pytest.mark.parametrize(
+    ("half_twists", "steps"),
+    [pytest.param(2, 20, marks=pytest.mark.long), pytest.param(-3, 30, marks=pytest.mark.large)],
+)
 def test_a_twist_past_the_guard_stops(tmp_path: Path, half_twists: int, steps: int) -> None:
     """Beyond half a turn the band would turn over at its seam and end with another Lk: no success."""
     half_a_turn = parse_config(CONFIG.format(steps=steps), "twisted.yaml")
