@@ -32,13 +32,16 @@ REASONS = {
         export.vtkhdf._step""",
     "symmetries by name": "analysis.stability._characters report.spectra.Mode",
     "columns of a table by name": """
-        report.tables.records report.tables._record report.tables.csv_text export.text.csv_bytes""",
+        report.tables.records report.tables._record report.tables.csv_text export.text.csv_bytes
+        export.text._end_row""",
     "values of parameters, of those that a problem has or that a leg moves": """
         report.tables._nested study.failure.halved_kind study.outcome.CoursePoint study.plan.Goal
         study.plan.Goal.distance study.plan.Goal.holds study.plan.Goal.reached study.plan.Goal.ways
         study.plan.PlannedStage study.plan._stage study.plan._stays study.plan.goals study.plan.place_name
         study.solve._Study._levels study.solve._Study._missed study.solve._Study._words study.solve._known
-        study.stepping._stage study.stepping.moved study.stepping.step_to study.walk.Stage""",
+        plot.kinds._one_parameter plot.levels.PlacedAt plot.labels.parameter_column
+        plot.labels.Placed.parameters study.stepping._stage study.stepping.moved study.stepping.step_to
+        study.walk.Stage""",
     "functions by the name that a user gives": "report.tables plot.kinds",
     "keywords and settings of matplotlib": """
         plot.canvas.Figure._repr_png_ plot.curves._formulas plot.figure.image plot.levels._mark
@@ -46,7 +49,8 @@ REASONS = {
         plot.style.branch_look plot.style._look plot.style._fill""",
     "attributes of an SVG element": "export.sheet.Line",
     "JSON of formats that others define": """
-        export.fold.fold_bytes export.fold._faces export.fold._edges export.fold._seam export.gltf._layout""",
+        export.fold.fold_bytes export.fold._faces export.fold._edges export.fold._seam export.fold._ends
+        export.gltf._layout""",
     "JSON, made of records where it is written": """
         study.status.Standing.to_dict report.spectra.Told.document export.viewer._state
         cli.compare_command.pairs_answer cli.compare_command.pair_document

@@ -67,6 +67,7 @@ def test_a_branch_goes_on_past_a_branch_point_with_long_steps(band: Path) -> Non
             assert max(state["kkt_residual"], state["constraint_residual"]) <= TOLERANCE
 
 
+@pytest.mark.long
 def test_the_same_as_a_config(tmp_path: Path) -> None:
     (tmp_path / "my-band.yaml").write_text(LONG_STEPS)
     document = ribbon_json("solve", tmp_path / "my-band.yaml", "--runs", tmp_path / "runs", "-q")

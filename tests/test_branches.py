@@ -159,6 +159,7 @@ def test_continue_along_the_branch(given):
     assert branch["points"] == further["points"]
 
 
+@pytest.mark.long
 def test_continue_from_a_saddle(given):
     """The far side of a fold can be named, and followed back over it."""
     first = ribbon_json("continue", "one:1", "--to", "0.12", "--back-to", "0.1", "--arclength", *given)

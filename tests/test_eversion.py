@@ -160,6 +160,7 @@ def test_the_ring_is_not_everted() -> None:
     assert "0 times" in (not_everted(cylinder(Band(40, 0.03))) or "")
 
 
+@pytest.mark.long
 def test_an_everted_state_stays_one_when_refined(tmp_path: Path) -> None:
     run, _ = everted(tmp_path, 40)
     outcome = refine_state(tmp_path, f"{run.path.name}:{run.states()[0].label}", to=80)

@@ -134,6 +134,7 @@ def test_pages_show_texts_and_obey_none():
     assert not OBEYED.search(html)
 
 
+@pytest.mark.long
 def test_the_report_of_a_forged_run_obeys_nothing(folder):
     run = Run.open(folder / "runs" / NAME)
     entries = copy.deepcopy(read_log(run.log_path))

@@ -53,6 +53,7 @@ def test_a_chain_that_changes_its_minimum_says_so(tmp_path: Path) -> None:
     assert rows[0].order is None
 
 
+@pytest.mark.long
 def test_entries_that_are_not_related_are_compared(tmp_path: Path) -> None:
     """A state whose parents do not lead to the coarser entry is prolonged or taken back to tell."""
     second = solve_config(parse_config(BOTH.replace("[50, 100, 200]", "[50]"), "both.yaml"), tmp_path).run

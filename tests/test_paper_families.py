@@ -68,6 +68,7 @@ def test_a_base_among_its_members_is_what_its_file_says(base):
         assert member(CONFIGS, name).resolved() == load_config(CONFIGS / f"{base}.yaml").resolved()
 
 
+@pytest.mark.long
 def test_solving_a_member_prints_what_came_of_it(tmp_path, monkeypatch, capsys):
     """A ring with other levels; then one that ends on a saddle, as on few facets an everted cylinder does."""
     changes = {

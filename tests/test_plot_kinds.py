@@ -216,6 +216,7 @@ def test_the_lowest_elastic_eigenvalue_is_no_rotation(solved):  # noqa: F811
 # --- pages ---
 
 
+@pytest.mark.long
 def test_a_report_needs_nothing_else(solved, tmp_path):  # noqa: F811
     path = tmp_path / "page.html"
     assert ribbon_json("report", "mobius", "-o", path, "--runs", solved)["path"] == str(path)

@@ -189,6 +189,7 @@ def test_a_picture_is_as_wide_as_asked_and_its_letters_legible(kind, width, solv
             assert all(not axes.get_window_extent().overlaps(box) for axes in figure.axes)
 
 
+@pytest.mark.long
 def test_files_are_as_wide_as_asked(solved, tmp_path):  # noqa: F811
     words = ("plot", "mobius", "family", "--width", "86", "--title", "Bands: $5 & _{", "--runs", solved)
     for form in ("svg", "pdf", "png"):

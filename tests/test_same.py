@@ -88,6 +88,7 @@ def change_state(work: Path, change: Callable[[h5py.File], None]) -> None:
     path.write_bytes(head[:-64] + sha256(rest).hexdigest().encode() + b"\n" + rest)
 
 
+@pytest.mark.long
 def test_a_build_is_the_same_as_itself(observed, doctored) -> None:
     assert observed[1] == 0
     compared = compare("ring", *doctored)
@@ -95,6 +96,7 @@ def test_a_build_is_the_same_as_itself(observed, doctored) -> None:
     assert (compared.states, compared.steps, compared.documents) == (1, 3, 1)
 
 
+@pytest.mark.long
 def test_a_dataset_that_differs_in_one_bit_is_told(doctored) -> None:
     def change(file: h5py.File) -> None:
         file["state/u"][3, 1] = np.nextafter(file["state/u"][3, 1], 2.0)
@@ -114,6 +116,7 @@ def test_a_dataset_that_differs_in_one_bit_is_told(doctored) -> None:
     assert u[2].startswith("1 of 36 values differ, at 10; largest difference ")
 
 
+@pytest.mark.long
 def test_datasets_and_attributes_that_come_and_go_are_told(doctored) -> None:
     def change(file: h5py.File) -> None:
         file["state/new"] = 1.5
@@ -127,6 +130,7 @@ def test_datasets_and_attributes_that_come_and_go_are_told(doctored) -> None:
     assert ("/@format_version", '"1.3" -> "9.9"') in [row[1:] for row in told["attribute"]]
 
 
+@pytest.mark.long
 def test_a_state_that_is_missing_or_damaged_is_told(doctored) -> None:
     (path,) = doctored[1].work.glob(STATE)
     path.write_bytes(path.read_bytes()[:-1] + b"?")
@@ -139,6 +143,7 @@ def test_a_state_that_is_missing_or_damaged_is_told(doctored) -> None:
     assert [how for *_, how in found(*doctored)["state"]] == ["missing"]
 
 
+@pytest.mark.long
 def test_an_exit_code_and_a_message_are_told(doctored) -> None:
     before, after = doctored
     after = printed(after, "show nothing", code=1, stderr="ribbon: what?\n")
@@ -150,6 +155,7 @@ def test_an_exit_code_and_a_message_are_told(doctored) -> None:
     assert told == {}
 
 
+@pytest.mark.long
 def test_json_that_was_changed_removed_and_added_is_told_apart(doctored) -> None:
     before, after = doctored
     (step,) = (step for step in after.steps if step.text == SOLVE)
@@ -167,6 +173,7 @@ def test_json_that_was_changed_removed_and_added_is_told_apart(doctored) -> None
     ]
 
 
+@pytest.mark.long
 def test_files_that_differ_are_told(doctored) -> None:
     before, after = doctored
     with np.load(after.work / "ring.npz") as file:

@@ -303,6 +303,7 @@ def test_overlap_with_sliding() -> None:
 # --- fine grids ---
 
 
+@pytest.mark.long
 def test_twelve_pairs_on_a_fine_grid() -> None:
     spectrum = lowest(pi_band(3200, VALUE_AVERAGE), count=12)
     assert spectrum.labels[3] == "sliding"
@@ -311,6 +312,7 @@ def test_twelve_pairs_on_a_fine_grid() -> None:
     assert spectrum.values[4:7] == pytest.approx([1.07195881, 1.33538001, 2.0794790], rel=1e-6)
 
 
+@pytest.mark.long
 def test_memory_is_linear() -> None:
     """Twice the segments, twice the memory; a dense Hessian of N = 1600 alone would take 1 GB."""
     peaks = []

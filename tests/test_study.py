@@ -131,6 +131,7 @@ def test_a_step_that_fails_is_halved_and_reported(tmp_path: Path, monkeypatch: p
     assert again.new_states == 0
 
 
+@pytest.mark.long
 def test_twist_steps_that_fail_are_halved_and_reported(tmp_path: Path) -> None:
     """Half a turn at once turns facets inside out; in parts it goes, and the band is the same."""
     whole = solve_config(config(SMALL), tmp_path)

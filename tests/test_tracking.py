@@ -86,6 +86,7 @@ def second_minimum(half_width: float) -> tuple[State, Array]:
     return result.state, result.multipliers
 
 
+@pytest.mark.long
 def test_a_fall_off_a_fold_is_seen() -> None:
     """Past b = 0.11257 there is no such branch; Newton converges to a certified minimum of another one."""
     state, multipliers = second_minimum(0.1125)
