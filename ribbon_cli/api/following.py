@@ -109,7 +109,7 @@ class Followed:
         lines = []
         for c in self.branches:
             points = f"{len(c.points)} point{'s' * (len(c.points) != 1)}{_contacts(c)}"
-            lines.append(f"{c.name}: {points}, ends at b = {c.half_width:.12g} ({c.reason}): {c.message}")
+            lines.append(f"{c.name}: {points}, ends at {c.place} ({c.reason}): {c.message}")
         return lines
 
     def __repr__(self) -> str:

@@ -49,7 +49,12 @@ def continue_(settings: Settings, /, state: str, **asked: Any) -> int:
     first: study.Course = outcome.branches[0]
     document = {
         "points": [asdict(point) for point in first.points],
-        "end": {"reason": first.reason, "half_width": first.half_width, "message": first.message},
+        "end": {
+            "reason": first.reason,
+            "half_width": first.half_width,
+            "message": first.message,
+            **({} if first.value is None else {"parameter": first.parameter, "value": first.value}),
+        },
     }
     text = "\n\n".join(map(branch_text, outcome.branches))
     more = f"`ribbon show {store.typed(outcome.run)}` shows its branches"

@@ -11,6 +11,7 @@ from typing import Any
 
 from ribbon_cli import digits, study
 from ribbon_cli.export.words import MEETS_ITSELF, linking_name
+from ribbon_cli.parts import HALF_WIDTH, PARAMETERS
 from ribbon_cli.store import StateRecord, Summary, varying
 from ribbon_cli.store.events import Event, Removed
 from ribbon_cli.text import aligned, ranges, visible
@@ -121,17 +122,21 @@ def branch_text(course: study.Course) -> str:
     """A branch: its points in a table, then why it ends."""
     title = visible(f"{course.name}, from state {course.start}")
     why = visible(f"({course.reason}): {course.message}")
-    end = f"ends at b = {number(course.half_width, '.12g')} {why}"
+    end = f"ends at {course.place} {why}"
     return f"{title}\n{branch_table(course)}\n{end}" if course.points else f"{title}: {end}"
 
 
 def branch_table(course: study.Course) -> str:
-    """The points of a branch: label, type, b, E, index, lowest eigenvalue, Lk and contact."""
+    """The points of a branch: label, type, its parameter, E, index, lowest eigenvalue, Lk and contact.
+
+    Of a strip Tw + Wr stands for Lk.
+    """
+    name = course.parameter
     rows = (
         [
             str(point.label),
             point.type,
-            number(point.half_width, ".12g"),
+            number(point.half_width if name == HALF_WIDTH else point.parameters.get(name), ".12g"),
             energy(point.energy),
             _branch_index(point.negative_eigenvalues, point.index_before, point.index_after),
             number(point.lowest_eigenvalue, ".3e"),
@@ -142,8 +147,10 @@ def branch_table(course: study.Course) -> str:
         ]
         for point in course.points
     )
-    heads = ["label", "type", "b", "E", "index", "lowest", "sliding", "Lk", "contact", "status"]
-    return columns(heads, rows)
+    strips = any("gravity" in point.parameters for point in course.points)
+    turn = "Tw+Wr" if strips else "Lk"
+    heads = ["label", "type", PARAMETERS[name].symbol, "E", "index", "lowest", "sliding", turn, "contact"]
+    return columns([*heads, "status"], rows)
 
 
 def _branch_index(negative: int | None, before: int | None, after: int | None) -> str:
