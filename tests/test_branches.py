@@ -171,7 +171,10 @@ def test_continue_from_a_saddle(given):
     assert (back["points"][-1]["index_before"], back["points"][-1]["index_after"]) == (1, 0)
 
 
-@pytest.mark.parametrize("to", ["0.114", pytest.param("0.2", marks=pytest.mark.branches)])
+@pytest.mark.parametrize(
+    "to",
+    [pytest.param("0.114", marks=pytest.mark.long), pytest.param("0.2", marks=pytest.mark.branches)],
+)
 def test_natural_continuation_stops_before_the_fold(given, monkeypatch, to):
     """It keeps its last good state, and says what it met and what would go on."""
     document = ribbon_json("continue", "one:1", "--to", to, *given, code=3)

@@ -103,6 +103,7 @@ def test_the_table_of_a_ring(in_ring):
     assert document["rows"][0]["delta"] > 0
 
 
+@pytest.mark.long
 def test_a_terminal_sees_a_bar_and_colours_only_if_wanted(tmp_path):
     (tmp_path / "ring.yaml").write_text(QUICK_RING)
     for changes in ({}, {"NO_COLOR": "1"}):

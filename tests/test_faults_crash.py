@@ -246,6 +246,7 @@ def subsets(recorded, tmp_path, count: int, seed: int) -> tuple[int, int]:
     return counts[2], counts[3]
 
 
+@pytest.mark.long
 def test_random_parts_of_what_was_not_synced(recorded, tmp_path):
     old, new = subsets(recorded, tmp_path, 25, seed=1)
     assert old

@@ -221,6 +221,7 @@ def forge(folder: Path, made: Path, count: int, seed: int) -> dict[int, int]:
     return seen
 
 
+@pytest.mark.long
 def test_forged_lines_do_no_harm(tmp_path, made):
     assert forge(tmp_path, made, 4, seed=1)[4] >= 1
 

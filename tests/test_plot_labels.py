@@ -65,6 +65,7 @@ def test_what_has_no_certificate_is_said_where_certified_states_stand(solved):  
     assert ["no certificate" in title for title in titles] == [False, True]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("style", STYLES)
 def test_legends_stay_inside(style, solved):  # noqa: F811
     state = states_of(solved, "mobius")[-1]

@@ -82,6 +82,7 @@ def test_a_rotation_moves_the_band_as_a_whole(solved):  # noqa: F811
     assert points @ w == pytest.approx(move.reshape(-1, 3), abs=1e-8)
 
 
+@pytest.mark.long
 def test_an_animation_is_one_period(solved, tmp_path):  # noqa: F811
     path = tmp_path / "mode.gif"
     ribbon_json("plot", BAND, "mode", "--runs", solved, "-o", path)

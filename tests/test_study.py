@@ -248,6 +248,7 @@ def test_a_given_state_must_fit(tmp_path: Path, change: tuple[str, str], words: 
     assert [p.name for p in tmp_path.iterdir() if p.name.startswith("again")] == []
 
 
+@pytest.mark.long
 def test_contact_ends_a_schedule_if_asked_to(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from ribbon_cli.model.contact import Contact
     from ribbon_cli.study import records
