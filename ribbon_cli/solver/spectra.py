@@ -17,8 +17,8 @@ from ..model.metrics import lengths, metric_named
 from ..model.problem import LocalDerivatives, Problem
 from .kkt import FactorisationError
 from .lanczos import largest_eigenpairs
-from .pencil import ROUNDOFF, Pencil
-from .saddle_free import null_space
+from .pencil import Pencil, roundoff
+from .tangent_basis import Basis, tangent_basis
 
 SLIDING_OVERLAP = 0.9
 CHECKERBOARD_SHARE = 0.5 + 1e-9
@@ -145,7 +145,8 @@ def _assemble(
     rotations = problem.rotations(x)
     overlaps = np.minimum(np.abs(sliding_covector(problem, x, mass, rotations) @ found.vectors), 1.0)
     hidden, spread = hidden_share(problem, found.vectors)
-    labels = [mode_label(*figures) for figures in zip(overlaps, hidden, spread, strict=True)]
+    figures = zip(overlaps.tolist(), hidden.tolist(), spread.tolist(), strict=True)
+    names = ["rotation"] * rotations.shape[1] + [mode_label(*each) for each in figures]
     count, kept = rotations.shape[1], min(keep, found.values.size)
     order = np.argsort(np.concatenate((np.zeros(count), found.values)), kind="stable")
     norms = lengths(mass, rotations)
@@ -163,7 +164,7 @@ def _assemble(
         joined(found.values),
         joined(found.residuals),
         joined(found.bounds),
-        tuple((["rotation"] * count + labels)[k] for k in order),
+        tuple(names[k] for k in order),
         joined(overlaps),
         joined(hidden),
         np.ascontiguousarray(every[:, stored].T).reshape(stored.size, problem.band.segments, 7),
@@ -178,24 +179,42 @@ def full_spectra(
 
     Raises ValueError for an unknown metric, LinAlgError if the algebra fails.
     """
-    basis = null_space(problem, local, problem.rotations(x))
-    hessian = problem.hessian_matrix(local)
-    projected = basis.T @ (hessian @ basis)
-    magnitude = abs(hessian)
+    basis = tangent_basis(problem, x, local)
+    hessian = problem.hessian_matrix(local).tocsr()
+    projected = basis.congruent(hessian)
     out = []
     for metric in metrics:
         mass = metric_named(metric).matrix(problem.state(x))
-        gram = basis.T @ (mass @ basis)
-        values, y = scipy.linalg.eigh(projected, gram, check_finite=False)
-        excess = projected @ y - (gram @ y) * values
-        whitened = scipy.linalg.solve_triangular(scipy.linalg.cholesky(gram, lower=True), excess, lower=True)
-        residuals = np.linalg.norm(whitened, axis=0)
-        vectors = basis @ y
-        roundoff = np.einsum("ij,ij->j", np.abs(vectors), magnitude @ np.abs(vectors))
-        bounds = residuals + ROUNDOFF * np.finfo(float).eps * roundoff
-        found = _Found(values, residuals, bounds, vectors)
+        found = _every(basis, hessian, mass, projected)
         out.append(_assemble(problem, x, metric, mass, found, keep, complete=True))
     return out
+
+
+def _every(
+    basis: Basis, hessian: scipy.sparse.csr_matrix, mass: scipy.sparse.csr_matrix, projected: Array
+) -> _Found:
+    """All eigenpairs of the Hessian, which is `projected` in a basis, in a metric.
+
+    Modes come from forms in the basis, values and residuals from the modes: roundoff of forms enters values
+    squared, and residuals as it is.
+    """
+    gram = basis.congruent(mass)
+    _, y = scipy.linalg.eigh(projected, gram, check_finite=False)
+    vectors = basis.moves(y)
+    forces, momenta = hessian @ vectors, mass @ vectors
+    squares = np.einsum("ij,ij->j", vectors, momenta)
+    values = np.einsum("ij,ij->j", vectors, forces) / squares
+    momenta *= values
+    forces -= momenta
+    root = scipy.linalg.cholesky(gram, lower=True, overwrite_a=True, check_finite=False)
+    excess = scipy.linalg.solve_triangular(root, basis.pull(forces), lower=True, check_finite=False)
+    size = 1.0 / np.sqrt(squares)
+    residuals = np.linalg.norm(excess, axis=0) * size
+    vectors *= size
+    order = np.argsort(values, kind="stable")
+    if (np.diff(order) < 0).any():
+        values, residuals, vectors = values[order], residuals[order], vectors[:, order]
+    return _Found(values, residuals, residuals + roundoff(hessian, vectors), vectors)
 
 
 def lowest_spectrum(problem: Problem, x: Array, local: LocalDerivatives, metric: str, count: int) -> Spectrum:
@@ -234,7 +253,7 @@ def _lowest(pencil: Pencil, count: int) -> _Found:
         if vectors.shape[1] >= dimension or _none_missing(pencil, values, count):
             values, vectors = values[:count], vectors[:, :count]
             residuals = pencil.residuals(values, vectors)
-            return _Found(values, residuals, residuals + pencil.roundoff(vectors), vectors)
+            return _Found(values, residuals, residuals + roundoff(pencil.hessian, vectors), vectors)
     raise FactorisationError(f"Lanczos misses some of the {count} lowest eigenvalues")
 
 
