@@ -3,7 +3,7 @@
 Facet 1 is held. A change of the fold at node k turns all that follows about the ruling g_k. A change of eta_k
 moves g_k within its facet, and turns what follows by as much as the fold's condition needs. Each of these
 fulfils all constraints, linearised where the band is, but those of node 1 with facet N and the sum of u: six
-rows (`closure`) are left. In place of eta_k stand eta_1 and xi_1..xi_N, as tanh xi_k is (b/h) times the rise of
+rows (`closure`) are left. In place of eta_k stand eta_1 and xi_1..xi_N, as tanh xi_k is b/h times the rise of
 eta: sums of xi are gentle, and differences of eta, times b/h cosh^2 xi, lose their digits.
 
 A coordinate that acts from node k on does so by four constants alone: with a rotation a and a rise e of eta,

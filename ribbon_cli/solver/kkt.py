@@ -192,6 +192,12 @@ class KKTMatrix:
         """The same matrix with zeros for the Hessian, but ones at held components, for shifts to fill."""
         return self._with_diagonal(self.fixed.astype(np.float64))
 
+    def measured(self, weights: Array) -> KKTMatrix:
+        """The same matrix with diag(weights) (7N,) for the metric that shifts multiply."""
+        out = copy(self)
+        out.metric = weights * self.scale[: self.size] ** 2
+        return out
+
     def _with_diagonal(self, diagonal: Array) -> KKTMatrix:
         """The same matrix with a diagonal one (7N,), in scaled unknowns, for the Hessian."""
         out = copy(self)

@@ -94,24 +94,28 @@ class Factor:
         return int((pivots < 0).sum()) - int(self.matrix.border)
 
     def proves_minimum(self) -> bool:
-        """Whether the pivots prove that the projected Hessian has no eigenvalue below `shift`.
+        """Whether the pivots prove that the projected Hessian has no eigenvalue below `shift`."""
+        return self.proves_at_most(0)
+
+    def proves_at_most(self, count: int) -> bool:
+        """Whether the pivots prove that the projected Hessian has at most `count` eigenvalues below `shift`.
 
         With delta > 0 on the multipliers the surplus of negative eigenvalues is that of W + A^T A / delta,
-        at least that of W_c, which is its restriction to A v = 0: none there, none here. That roundoff E did
-        not change the pivots' signs follows from rho((L D L^T)^-1 E) < 1, since no eigenvalue then passes
+        at least that of W_c, which is its restriction to A v = 0: no more there, no more here. That roundoff
+        E did not change the pivots' signs follows from rho((L D L^T)^-1 E) < 1, as no eigenvalue then passes
         zero on the way from L D L^T to K - delta. Power iterations show how small rho is.
         """
         low, high = 0.0, np.inf
         for _ in range(PROOFS):
             if self._pivots is None:
                 return False
-            sharp = self._contraction() < CONTRACTION
-            if sharp and self.surplus == 0:
+            sharp, few = self._contraction() < CONTRACTION, self.surplus <= count
+            if sharp and few:
                 return True
             # More regularisation has less roundoff, less of it fewer negative eigenvalues.
             if sharp:
                 high = self._delta
-            elif self.surplus == 0:
+            elif few:
                 low = self._delta
             else:
                 return False

@@ -8,6 +8,7 @@ distance to an eigenvalue.
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 
 import numpy as np
 import scipy
@@ -17,6 +18,7 @@ from ..model.metrics import Metric
 from ..model.problem import LocalDerivatives, Problem
 from .inertia import BlockReduction, Inertia, NodeMetric
 from .kkt import FactorisationError, KKTMatrix
+from .linear import Factor
 
 CROWD = 2
 """Eigenvalues, relative to those wanted, that may lie between a shift and its mirror image."""
@@ -35,19 +37,32 @@ class Pencil:
     """
 
     def __init__(self, problem: Problem, x: Array, local: LocalDerivatives, metric: Metric) -> None:
-        self.problem, self.local, self.metric = problem, local, metric
+        self.problem, self.local = problem, local
         self.rotations = problem.rotations(x)
         self.matrix = KKTMatrix(problem, local, self.rotations)
         if not np.isfinite(self.matrix.upper.data).all():
             raise FactorisationError("the KKT matrix is not finite")
         self.hessian = problem.hessian_matrix(local)
-        mass = metric.matrix(problem.state(x))
+        self._state = problem.state(x)
+        self._shifted: dict[float, BlockReduction] = {}
+        self._measure(metric)
+
+    def _measure(self, metric: Metric) -> None:
+        problem, self.metric = self.problem, metric
+        mass = metric.matrix(self._state)
         if problem.fixed.any():
             moves = scipy.sparse.diags((~problem.fixed).astype(np.float64))
             mass = (moves @ mass @ moves).tocsr()
         self.mass = mass
         self._nodes = NodeMetric(mass)
-        self._shifted: dict[float, BlockReduction] = {}
+        # That of K itself is the same in every metric.
+        self._shifted = {shift: found for shift, found in self._shifted.items() if not shift}
+
+    def beside(self, metric: Metric) -> Pencil:
+        """The pencil at the same point in another metric."""
+        out = copy(self)
+        out._measure(metric)
+        return out
 
     @property
     def size(self) -> int:
@@ -62,6 +77,15 @@ class Pencil:
     def count_below(self, shift: float) -> Inertia:
         """Number of eigenvalues of the pencil below `shift`, rotations left out."""
         return self._reduction(shift).inertia
+
+    def has_at_most(self, count: int, shift: float) -> bool:
+        """Whether no more than `count` eigenvalues are below `shift`: by pivots where these prove it."""
+        weights = self.mass.diagonal()
+        diagonal = self.mass.count_nonzero() == np.count_nonzero(weights)
+        if diagonal and Factor(self.matrix.measured(weights), shift=shift).proves_at_most(count):
+            return True
+        found = self.count_below(shift)
+        return found.trusted and found.negative <= count
 
     def inverse(self, shift: float, refinements: int = REFINEMENTS) -> Callable[[Array], Array]:
         """(W_c - shift M_c)^-1 as a function of forces (7N, k); its values are moves (7N, k)."""

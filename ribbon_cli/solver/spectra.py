@@ -217,22 +217,41 @@ def _every(
     return _Found(values, residuals, residuals + roundoff(hessian, vectors), vectors)
 
 
-def lowest_spectrum(problem: Problem, x: Array, local: LocalDerivatives, metric: str, count: int) -> Spectrum:
-    """The `count` lowest modes besides rotations by shift-invert Lanczos with fixed starts.
+def lowest_spectra(
+    problem: Problem, x: Array, local: LocalDerivatives, metrics: tuple[str, ...], count: int
+) -> list[Spectrum]:
+    """The `count` lowest modes besides rotations, in each metric, by shift-invert Lanczos with fixed starts.
 
-    The inertia at a shift below the last of them confirms that none is missing. Raises ValueError for an
+    A count of the eigenvalues below the last of them confirms that none is missing. Raises ValueError for an
     unknown metric, FactorisationError if they do not converge or some stay missing.
     """
-    pencil = Pencil(problem, x, local, metric_named(metric))
-    found = _lowest(pencil, count)
-    return _assemble(problem, x, metric, pencil.mass, found, count, complete=False)
+    known = [metric_named(metric) for metric in metrics]
+    pencil = Pencil(problem, x, local, known[0]) if known else None
+    out = []
+    for metric in known:
+        assert pencil is not None
+        pencil = pencil if metric is pencil.metric else pencil.beside(metric)
+        found = _lowest(pencil, count)
+        out.append(_assemble(problem, x, metric.name, pencil.mass, found, count, complete=False))
+    return out
+
+
+def lowest_spectrum(problem: Problem, x: Array, local: LocalDerivatives, metric: str, count: int) -> Spectrum:
+    """`lowest_spectra` in one metric."""
+    return lowest_spectra(problem, x, local, (metric,), count)[0]
 
 
 def _lowest(pencil: Pencil, count: int) -> _Found:
-    """The lowest eigenpairs, verified."""
+    """The lowest eigenpairs, verified.
+
+    At a minimum those of the inverse itself are the largest, and one reduction of K serves in every metric.
+    Elsewhere, and where many are nearly equal, a shift below all of them is looked for.
+    """
     dimension = 7 * pencil.problem.band.segments - pencil.matrix.border - int(pencil.problem.fixed.sum())
     count = min(count, dimension)
-    shift = pencil.shift_below_all(count)
+    here = pencil.count_below(0.0)
+    minimum = here.trusted and here.negative == 0
+    shift = 0.0 if minimum else pencil.shift_below_all(count)
     vectors: Array | None = None
     for search in range(SEARCHES):
         if search == 1:
@@ -271,5 +290,4 @@ def _none_missing(pencil: Pencil, values: Array, count: int) -> bool:
     apart = max(NEAR_EQUAL * abs(last), 1e-3 * NEAR_EQUAL * pencil.metric.unit(pencil.problem.band))
     lower = values[values < last - apart]
     floor = float(lower[-1]) if lower.size else last - 2.0 * max(apart, abs(last))
-    inertia = pencil.count_below(0.5 * (floor + last))
-    return inertia.trusted and inertia.negative == lower.size
+    return pencil.has_at_most(lower.size, 0.5 * (floor + last))

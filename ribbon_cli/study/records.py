@@ -18,7 +18,7 @@ from ..model.topology import linking_number, open_turn, writhe
 from ..parts import FREE
 from ..solver.kkt import FactorisationError
 from ..solver.newton import inverted_facets
-from ..solver.spectra import Spectrum, full_spectra, lowest_spectrum
+from ..solver.spectra import Spectrum, full_spectra, lowest_spectra
 from ..solver.status import Result, SaddleMet, Status
 from ..store import BranchRecord, SpectrumRecord, StateRecord
 from .acceptance import turn_of
@@ -229,9 +229,7 @@ def _spectra(
         if problem.band.segments <= request.full_up_to:
             found = full_spectra(problem, result.x, local, request.metrics, request.modes)
         else:
-            found = [
-                lowest_spectrum(problem, result.x, local, metric, request.modes) for metric in request.metrics
-            ]
+            found = lowest_spectra(problem, result.x, local, request.metrics, request.modes)
     except (FactorisationError, np.linalg.LinAlgError) as error:
         return (), (event("no-spectrum", why=error),)
     return tuple(_spectrum_record(s) for s in found), ()
