@@ -5,6 +5,7 @@ from .atomic import write_atomic as write_atomic
 from .content import content_sha256 as content_sha256
 from .hdf5 import decode as decode
 from .hdf5 import encode as encode
+from .hdf5 import encoded as encoded
 from .layout import FORMAT as FORMAT
 from .layout import FORMAT_VERSION as FORMAT_VERSION
 from .npz import export_npz as export_npz

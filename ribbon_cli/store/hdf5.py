@@ -68,16 +68,22 @@ def encode(record: StateRecord) -> bytes:
 
     Raises ValueError where a field does not fit layout.py.
     """
+    return encoded(record)[0]
+
+
+def encoded(record: StateRecord) -> tuple[bytes, Summary]:
+    """The bytes of the record's state file, and its summary with the content hash. Raises as `encode`."""
     from h5py import h5d
 
     fields = flatten(record)
     _check_kinds(record)
     content = values_sha256({field.item.path: field.value for field in fields})
-    summary = Summary.of(record, content).to_dict()
+    summary = Summary.of(record, content)
+    head = summary.to_dict()
     fields += scales(fields, record.length, record.segments)
     fixed = [field for field in fields if field.item.field not in _OF_ANY_WIDTH]
     others = [field for field in fields if field.item.field in _OF_ANY_WIDTH]
-    blank = _blank(block_size(summary), tuple((field.item, *_kind(field.value)) for field in fixed))
+    blank = _blank(block_size(head), tuple((field.item, *_kind(field.value)) for field in fixed))
     image = io.BytesIO(blank)
     with _file_in(image) as file:
         _overwrite_text_attribute(file, "content_sha256", content)
@@ -88,7 +94,7 @@ def encode(record: StateRecord) -> bytes:
                 write_text_attribute(dataset, KINDS_OF_EVENTS, " ".join(record.event_kinds))
         for field in others:
             _write_values(_create_dataset(file, field.item, *_kind(field.value)), field.value)
-    return seal(image.getvalue(), summary)
+    return seal(image.getvalue(), head), summary
 
 
 @lru_cache(maxsize=16)

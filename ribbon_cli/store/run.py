@@ -18,6 +18,7 @@ from typing import Any
 from ribbon_cli.errors import StoreError, UsageError
 from ribbon_cli.store import log
 from ribbon_cli.store.atomic import TEMPORARY, is_passing, sync_folder, write_atomic, write_error
+from ribbon_cli.store.beside import Beside, Make, possible
 from ribbon_cli.store.events import REMOVED, Created, Entry, Event, Lost, Removed
 from ribbon_cli.store.folder import (
     CONFIG,
@@ -34,7 +35,7 @@ from ribbon_cli.store.folder import (
     state_entry,
     state_name,
 )
-from ribbon_cli.store.hdf5 import decode_bytes, encode, read_bytes
+from ribbon_cli.store.hdf5 import decode_bytes, encoded, read_bytes
 from ribbon_cli.store.lock import Holder, RunLock
 from ribbon_cli.store.record import StateRecord
 from ribbon_cli.store.recovery import repair, sweep
@@ -57,6 +58,9 @@ class Run:
         self._indexed = 0
         self._next = 0
         self._compared: dict[int, str] = {}
+        self._beside: Beside | None = None
+        self.second_process = True
+        """Whether `commit_soon` may use a second process."""
         self.remarks: list[str] = []
         """What the last `writing()` found left by others, and did about it."""
 
@@ -140,6 +144,11 @@ class Run:
 
         Raises StoreError for a damaged log, or a run of a newer format.
         """
+        self.settle()
+        return self._events_now()
+
+    def _events_now(self) -> list[Event]:
+        """The same without what waits for its commit."""
         events = self._log.events()
         if events is not self._events:
             self._events, self._entries, self._indexed = events, {}, 0
@@ -259,6 +268,7 @@ class Run:
     def writing(self) -> Iterator[Run]:
         """Hold the run's lock, with leftovers of a killed writer cleared first; may be nested.
 
+        At its end all states are committed. A signal ends it at once, and drops what `commit_soon` still had.
         Raises LockedError, naming pid and host, when another process writes; StoreError for a damaged log.
         """
         if self._lock.held:
@@ -267,7 +277,17 @@ class Run:
         with self._locked():
             self.remarks += self._sweep()
             self._next = self._find_next_label()
-            yield self
+            try:
+                yield self
+                self.settle()
+            except Exception:
+                with suppress(Exception):  # what was solved before it went wrong
+                    self.settle()
+                raise
+            finally:
+                beside, self._beside = self._beside, None
+                if beside is not None:
+                    beside.end()
 
     @property
     def has_leftovers(self) -> bool:
@@ -303,23 +323,66 @@ class Run:
         Raises ValueError unless `record.label` is `next_label`; StoreError when it cannot be written, and
         then the run is as before.
         """
+        self.settle()
+        self._claim(record.label)
+        data, summary = encoded(record)
+        self._publish(record.label, data, summary)
+        self._next += 1
+        return summary
+
+    def commit_soon(self, label: int, make: Make) -> None:
+        """Store a state whose bytes are still to be made, by a second process where there is a core for it.
+
+        States are committed in order. Reading the run, logging an event and the end of `writing()` wait for
+        them. Raises ValueError unless `label` is `next_label`; StoreError when an earlier one, or this one,
+        cannot be written.
+        """
+        self._claim(label)
+        if self._beside is None and self.second_process and possible():
+            self._beside = Beside(self._publish)
+        if self._beside is None:
+            self._publish(label, *make())
+        else:
+            with self._counted_again():
+                self._beside.put(label, make)
+        self._next += 1
+
+    def settle(self) -> None:
+        """Wait until all states are committed. Raises what went wrong with one, and drops those behind it."""
+        if self._beside is not None:
+            with self._counted_again():
+                self._beside.settle()
+
+    @contextmanager
+    def _counted_again(self) -> Iterator[None]:
+        """Where a commit fails, labels go on from what is stored."""
+        try:
+            yield
+        except Exception:
+            with suppress(StoreError):
+                self._next = self._find_next_label()
+            raise
+
+    def _claim(self, label: int) -> None:
+        """Raises ValueError unless a label is the next."""
         self._require_lock()
-        if record.label != self._next:
-            raise ValueError(f"the next state of {self.name} is {self._next}, got label {record.label}")
-        data, summary = encode(record), Summary.of(record)
-        write_atomic(self.state_path(record.label), data)
+        if label != self._next:
+            raise ValueError(f"the next state of {self.name} is {self._next}, got label {label}")
+
+    def _publish(self, label: int, data: bytes, summary: Summary) -> None:
+        """Write a state's file and its line. Raises StoreError, and then the run is as before."""
+        write_atomic(self.state_path(label), data)
         try:
             log.append_log(self.log_path, [state_entry(summary.to_dict(), data)])
         except StoreError:
-            self._take_back(record.label)
+            self._take_back(label)
             raise
-        self._next += 1
-        return summary
 
     def _take_back(self, label: int) -> None:
         """Remove a state's file whose line could not be written, if the log can be seen to lack it."""
         with suppress(OSError, StoreError):
-            if label not in self.entries():
+            self._events_now()
+            if label not in self._entries:
                 os.unlink(self.state_path(label))
 
     def remove_states(self, labels: Sequence[int], branches: Sequence[str] = ()) -> None:
@@ -347,6 +410,7 @@ class Run:
     def log_event(self, kind: str, **data: Any) -> None:
         """Append an event with JSON-able data to the log, durably. Raises StoreError."""
         self._require_lock()
+        self.settle()
         if kind == "state" or {"event", "time"} & data.keys():
             raise ValueError(f"event {kind!r} uses a name that the log reserves")
         log.append_log(self.log_path, [{"event": kind, "time": log.utc_now(), **data}])
@@ -357,6 +421,7 @@ class Run:
             return self._sweep()
 
     def _sweep(self) -> list[str]:
+        self.settle()
         self._log.look_again()
         return sweep(self.path, self.events())
 
@@ -366,6 +431,7 @@ class Run:
         Raises LockedError when another process writes to it, StoreError when it cannot be renamed.
         """
         with self._locked():
+            self.settle()
             for k in itertools.count(1):
                 target = self.path.with_name(f"{self.name}.old-{k}")
                 if not os.path.lexists(target):
@@ -382,6 +448,7 @@ class Run:
     def remove(self) -> None:
         """Delete the run for good. Raises LockedError when another process writes to it, StoreError."""
         with self._locked():
+            self.settle()
             try:
                 remove(self.path)
             except OSError as error:
@@ -394,6 +461,7 @@ class Run:
         can be read of it; see `recovery.repair`. Raises LockedError, StoreError.
         """
         with self._locked():
+            self.settle()
             notes = repair(self.path)
             self._next = self._find_next_label()
             return notes

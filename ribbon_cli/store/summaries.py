@@ -126,9 +126,11 @@ class Summary:
 
     @classmethod
     def of(cls, record: StateRecord, content: str | None = None) -> Summary:
-        """The summary of a record; `content` is its content hash where that is known."""
-        from ribbon_cli.store.content import content_sha256
+        """The summary of a record; `content` is its content hash where that is known, or is left empty."""
+        if content is None:
+            from ribbon_cli.store.content import content_sha256
 
+            content = content_sha256(record)
         values = {item.field: _plain(record, item) for item in STATE if item.summary}
         values["event_kinds"] = tuple(record.event_kinds or ())
         branch = None
@@ -144,7 +146,7 @@ class Summary:
         for name in REACTIONS:
             reaction = getattr(record, name)
             values[name] = None if reaction is None else tuple(map(_finite, map(float, reaction)))
-        return cls(**values, branch=branch, content_sha256=content or content_sha256(record))
+        return cls(**values, branch=branch, content_sha256=content)
 
     @classmethod
     def read(cls, document: Any) -> Summary:

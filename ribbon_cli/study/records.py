@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import time
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,7 @@ from ..solver.kkt import FactorisationError
 from ..solver.newton import inverted_facets
 from ..solver.spectra import Spectrum, full_spectra, lowest_spectra
 from ..solver.status import Result, SaddleMet, Status
-from ..store import BranchRecord, SpectrumRecord, StateRecord
+from ..store import BranchRecord, SpectrumRecord, StateRecord, Summary, encoded
 from .acceptance import turn_of
 from .clock import Clock
 
@@ -73,14 +74,14 @@ def constructed(state: State) -> Result:
     )
 
 
-def build_record(label: int, reached: Reached, clock: Clock, spectrum: SpectrumRequest | None) -> StateRecord:
+def build_record(
+    label: int, reached: Reached, clock: Clock, spectrum: SpectrumRequest | None = None
+) -> StateRecord:
     """The record of a reached state; `spectrum` says which modes to compute, None none."""
     problem, result = reached.problem, reached.result
     band, state = problem.band, result.state
     named = result.named_multipliers()
-    spectra, remarks = _spectra(problem, result, spectrum)
-    events = (*reached.events, *remarks)
-    return StateRecord(
+    record = StateRecord(
         **vars(derive(reached)),
         label=label,
         kind=reached.kind,
@@ -106,18 +107,18 @@ def build_record(label: int, reached: Reached, clock: Clock, spectrum: SpectrumR
         lambda_end=named.end,
         parts=band.parts,
         negative_eigenvalues=result.negative,
-        spectra=spectra,
         branch=reached.branch,
         parent=reached.parent,
         parent_ref=reached.parent_ref,
         method=reached.method,
         newton_steps=reached.steps,
-        events=tuple(map(str, events)),
-        event_kinds=tuple(event.kind for event in events),
+        events=tuple(map(str, reached.events)),
+        event_kinds=tuple(event.kind for event in reached.events),
         prescribed=_prescribed(problem),
         seam_open=True if problem.prescription.seam is not None else None,
         provenance=clock.facts(),
     )
+    return record if spectrum is None else with_spectra(record, spectrum)
 
 
 def _sentence(result: Result, kind: str) -> str:
@@ -218,18 +219,42 @@ def _topology(problem: Problem, state: State) -> tuple[float, float, float]:
         return float("nan"), float("nan"), float("nan")
 
 
+def with_spectra(record: StateRecord, request: SpectrumRequest) -> StateRecord:
+    """The record with its spectra, which follow from it alone; `request` says which modes to compute."""
+    wall, cpu = time.perf_counter(), time.thread_time()
+    spectra, remarks = _spectra(record, request)
+    facts = dict(record.provenance)
+    costs = {"wall_seconds": time.perf_counter() - wall, "cpu_seconds": time.thread_time() - cpu}
+    for name, cost in costs.items():
+        facts[name] = float(facts[name]) + cost
+    return replace(
+        record,
+        spectra=spectra,
+        events=(*record.events, *map(str, remarks)),
+        event_kinds=(*(record.event_kinds or ()), *(remark.kind for remark in remarks)),
+        provenance=facts,
+    )
+
+
+def completed(record: StateRecord, request: SpectrumRequest | None) -> tuple[bytes, Summary]:
+    """The file of a record with its spectra, and its summary, as `Run.commit_soon` asks for them."""
+    return encoded(record if request is None else with_spectra(record, request))
+
+
 def _spectra(
-    problem: Problem, result: Result, request: SpectrumRequest | None
+    record: StateRecord, request: SpectrumRequest
 ) -> tuple[tuple[SpectrumRecord, ...], tuple[Event, ...]]:
     """Stored spectra: all values up to `full_up_to` segments, the lowest modes beyond; and remarks."""
-    if request is None or (problem.band.segments > request.full_up_to and not request.modes):
+    if record.segments > request.full_up_to and not request.modes:
         return (), ()
-    local = problem.local_derivatives(result.x, result.multipliers)
+    state = state_of(record)
+    problem, x = Problem(state.band), state.vector()
+    local = problem.local_derivatives(x, multipliers_of(record))
     try:
-        if problem.band.segments <= request.full_up_to:
-            found = full_spectra(problem, result.x, local, request.metrics, request.modes)
+        if record.segments <= request.full_up_to:
+            found = full_spectra(problem, x, local, request.metrics, request.modes)
         else:
-            found = lowest_spectra(problem, result.x, local, request.metrics, request.modes)
+            found = lowest_spectra(problem, x, local, request.metrics, request.modes)
     except (FactorisationError, np.linalg.LinAlgError) as error:
         return (), (event("no-spectrum", why=error),)
     return tuple(_spectrum_record(s) for s in found), ()
