@@ -101,16 +101,16 @@ class Marks:
 
     def watch(self, monkeypatch) -> None:
         """Mark each commit, here and in children to come."""
-        commit = Run.commit
+        write = Run.write_state
 
-        def marked(run, record):
+        def marked(run, *state):
             self.memory[0] = 1
             try:
-                return commit(run, record)
+                write(run, *state)
             finally:
                 self.memory[0] = 0
 
-        monkeypatch.setattr(Run, "commit", marked)
+        monkeypatch.setattr(Run, "write_state", marked)
 
     @property
     def committing(self) -> bool:

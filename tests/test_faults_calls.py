@@ -38,21 +38,22 @@ class Calls:
 
     @contextmanager
     def failing(self, n: int, code: int) -> Iterator[None]:
-        commit, commits = Run.commit, 0
+        write, commits = Run.write_state, 0
         self.names = []
 
-        def second(run: Run, record: object) -> int:
+        def second(run: Run, *state: object) -> None:
             nonlocal commits
             commits += 1
             if commits != 2:
-                return commit(run, record)
+                write(run, *state)
+                return
             with self.monkeypatch.context() as patch:
                 for name in CALLS:
                     patch.setattr(os, name, self._wrapped(name, getattr(os, name), n, code))
-                return commit(run, record)
+                write(run, *state)
 
         with self.monkeypatch.context() as patch:
-            patch.setattr(Run, "commit", second)
+            patch.setattr(Run, "write_state", second)
             yield
 
     def _wrapped(self, name: str, call: Callable, n: int, code: int) -> Callable:

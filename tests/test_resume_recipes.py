@@ -10,7 +10,7 @@ import pytest
 from cli_support import content_hashes, ribbon_json, spawn, states_on_disk, stop_after
 
 from ribbon_cli.config import parse_config
-from ribbon_cli.store import Run
+from ribbon_cli.store import Run, Summary
 from ribbon_cli.study import solve_config
 
 # The only step of the eversion fails, and its halves do not.
@@ -131,15 +131,14 @@ def test_ended_after_any_commit_and_resumed(
 
 def ended_after_commits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, config: str, every: int) -> None:
     """The folder as it is after a commit, and from there on: the same states, targets and failures."""
-    asked, commit = parse_config(config, "band.yaml"), Run.commit
+    asked, write = parse_config(config, "band.yaml"), Run.write_state
 
-    def copied(run: Run, record):
-        state = commit(run, record)
-        shutil.copytree(run.path, tmp_path / f"after-{state.label}" / run.name)
-        return state
+    def copied(run: Run, label: int, data: bytes, summary: Summary) -> None:
+        write(run, label, data, summary)
+        shutil.copytree(run.path, tmp_path / f"after-{label}" / run.name)
 
     with monkeypatch.context() as patch:
-        patch.setattr(Run, "commit", copied)
+        patch.setattr(Run, "write_state", copied)
         alone = solve_config(asked, tmp_path / "alone")
     expected = content_hashes(tmp_path / "alone")
     for label in list(expected)[every // 2 :: every]:

@@ -168,6 +168,6 @@ def _turns(u: Array, g: Array, along: Array) -> tuple[Array, Array]:
     right[:, 0, 0] = np.einsum("ij,ij->i", u - before, along)
     right[:, 1, 0] = -np.einsum("ij,ij->i", normal, along)
     spin = np.linalg.solve(system, right)[..., 0]
-    axis: Array = g / np.sqrt(np.einsum("ij,ij->i", g, g))[:, None]
+    axis = g / np.sqrt(np.einsum("ij,ij->i", g, g))[:, None]
     spin[0] = axis[0] = 0.0
-    return axis, spin
+    return np.asarray(axis, dtype=np.float64), np.asarray(spin, dtype=np.float64)

@@ -326,7 +326,7 @@ class Run:
         self.settle()
         self._claim(record.label)
         data, summary = encoded(record)
-        self._publish(record.label, data, summary)
+        self.write_state(record.label, data, summary)
         self._next += 1
         return summary
 
@@ -339,9 +339,9 @@ class Run:
         """
         self._claim(label)
         if self._beside is None and self.second_process and possible():
-            self._beside = Beside(self._publish)
+            self._beside = Beside(self.write_state)
         if self._beside is None:
-            self._publish(label, *make())
+            self.write_state(label, *make())
         else:
             with self._counted_again():
                 self._beside.put(label, make)
@@ -369,7 +369,7 @@ class Run:
         if label != self._next:
             raise ValueError(f"the next state of {self.name} is {self._next}, got label {label}")
 
-    def _publish(self, label: int, data: bytes, summary: Summary) -> None:
+    def write_state(self, label: int, data: bytes, summary: Summary) -> None:
         """Write a state's file and its line. Raises StoreError, and then the run is as before."""
         write_atomic(self.state_path(label), data)
         try:
