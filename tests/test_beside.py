@@ -39,7 +39,7 @@ def counted(process, make):
         os.kill(process._pid, signal.SIGKILL)
     return ask(process, make)
 beside._Process.ask = counted
-outcome = solve_config(load_config("band.yaml"), Path(mode))
+outcome = solve_config(load_config("band.yaml"), Path(mode), second_process=mode != "off")
 print(outcome.exit_code, outcome.new_states, asked)
 """
 DIRECT = """\
@@ -72,6 +72,10 @@ def alone(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "band.yaml").write_text(CONFIG)
     assert python(SOLVE, "alone", cwd=folder).stdout.split()[::2] == ["0", "0"]
     return folder
+
+
+def test_a_second_process_can_be_refused(alone: Path) -> None:
+    assert python(SOLVE, "off", cwd=alone).stdout.split()[::2] == ["0", "0"]
 
 
 @pytest.mark.parametrize("mode", ["beside", "dying"])

@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ribbon_cli import digits
 from ribbon_cli.digits import duration
@@ -20,6 +20,9 @@ from ribbon_cli.text import visible
 
 if TYPE_CHECKING:
     from rich.progress import Progress as RichProgress
+
+BETWEEN = 0.25
+"""Seconds from one drawing of the bar to the next."""
 
 
 def _to_standard_error(text: str) -> None:
@@ -160,23 +163,32 @@ class Bar(Lines):
         super().__init__(verbose)
         self._bar = bar
         self._task = bar.add_task("", total=None, figures="")
+        self._drawn = 0.0
 
     def _begin(self, begun: _Current) -> None:
         """The bar stands at the stages before it."""
         super()._begin(begun)
         heading, stage = visible(begun.heading), begun.stage
-        self._bar.update(
-            self._task, description=heading, total=stage.total, completed=stage.index - 1, figures=""
-        )
+        self._update(description=heading, total=stage.total, completed=stage.index - 1, figures="")
 
     def _step(self, current: _Current, step: Step) -> None:
         super()._step(current, step)
-        self._bar.update(self._task, figures=f"E = {digits.energy(step.energy)}  {step.residual:.1e}")
+        self._update(figures=f"E = {digits.energy(step.energy)}  {step.residual:.1e}")
+
+    def _update(self, **fields: Any) -> None:
+        """Take in what is new, and draw the bar if that is some time ago.
+
+        A thread of its own would draw it as often: then no second process could make the files of states.
+        """
+        now = time.monotonic()
+        due = now - self._drawn >= BETWEEN
+        self._drawn = now if due else self._drawn
+        self._bar.update(self._task, refresh=due, **fields)
 
     def _end_stage(self) -> None:
         """Move the bar on, whether or not the stage leaves a line."""
         if self._current is not None:
-            self._bar.update(self._task, completed=self._current.stage.index)
+            self._update(completed=self._current.stage.index)
         super()._end_stage()
 
     def _show_stage(self, current: _Current) -> None:
@@ -206,5 +218,5 @@ def _bar() -> RichProgress:
         console=Console(stderr=True),
         expand=True,
         transient=True,
-        refresh_per_second=4,
+        auto_refresh=False,
     )

@@ -45,13 +45,15 @@ def solve_config(
     progress: Progress | None = None,
     argv: Sequence[str] = (),
     references: Path | None = None,
+    second_process: bool = True,
 ) -> Outcome:
     """Run all stages of a config that its run does not hold yet.
 
     `root` is the folder of the runs; `references` is that of the runs that the config's guess may refer to,
-    by default the same. `fresh` puts an existing run aside first, keeping it. Targets that are not reached
-    are in the outcome, and the run's log keeps which. Raises UsageError for a given state that does not fit
-    (before any run folder is made), StoreError, LockedError.
+    by default the same. `fresh` puts an existing run aside first, keeping it. Whoever solves many configs at
+    once sets `second_process` to False: see `Run.commit_soon`. Targets that are not reached are in the outcome,
+    and the run's log keeps which. Raises UsageError for a given state that does not fit (before any run folder
+    is made), StoreError, LockedError.
     """
     given, remarks = None, list[str]()
     if config.guess.recipe == "state":
@@ -64,6 +66,7 @@ def solve_config(
     if fresh and (run.entries() or any(configs.differing(run.path, configs.committed(run.events())))):
         run.set_aside()
         run = _open(config, root)
+    run.second_process = second_process
 
     def study(watcher: Progress) -> Outcome:
         for module in _COMPUTING if run.is_writing else ():
