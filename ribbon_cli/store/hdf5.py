@@ -83,11 +83,17 @@ def encoded(record: StateRecord) -> tuple[bytes, Summary]:
     fields += scales(fields, record.length, record.segments)
     fixed = [field for field in fields if field.item.field not in _OF_ANY_WIDTH]
     others = [field for field in fields if field.item.field in _OF_ANY_WIDTH]
-    blank = _blank(block_size(head), tuple((field.item, *_kind(field.value)) for field in fixed))
+    blank, places = _blank(block_size(head), tuple((field.item, *_kind(field.value)) for field in fixed))
     image = io.BytesIO(blank)
+    for field in fixed:
+        if field.item in places:
+            image.seek(places[field.item])
+            image.write(_in_memory(field.value)[1].tobytes())
     with _file_in(image) as file:
         _overwrite_text_attribute(file, "content_sha256", content)
         for field in fixed:
+            if field.item in places:
+                continue
             dataset = h5d.open(file.id, field.item.path.encode())
             _write_values(dataset, field.value)
             if field.item.path == EVENTS and record.event_kinds:
@@ -98,11 +104,13 @@ def encoded(record: StateRecord) -> tuple[bytes, Summary]:
 
 
 @lru_cache(maxsize=16)
-def _blank(block: int, datasets: tuple[tuple[Item, Any, tuple[int, ...]], ...]) -> bytes:
+def _blank(
+    block: int, datasets: tuple[tuple[Item, Any, tuple[int, ...]], ...]
+) -> tuple[bytes, dict[Item, int]]:
     """A state file without values, and without the texts that are of another width in each state.
 
     Groups, datasets and their attributes are the same in most states of a run, and to make them takes
-    longer than to fill them.
+    longer than to fill them. Single values lie in the file as they are: also where each of them goes.
     """
     image = io.BytesIO()
     with _file_in(image, block) as file:
@@ -112,8 +120,9 @@ def _blank(block: int, datasets: tuple[tuple[Item, Any, tuple[int, ...]], ...]) 
         _write_groups(file, [item for item, _, _ in datasets])
         made = {item: _create_dataset(file, item, kind, shape) for item, kind, shape in datasets}
         _write_axes(file, made)
+        places = {item: made[item].get_offset() for item, _, shape in datasets if not shape}
         made.clear()  # what is still open when the file is closed takes h5py longer
-    return image.getvalue()
+    return image.getvalue(), places
 
 
 def _file_in(image: io.BytesIO, block: int | None = None) -> h5py.File:
@@ -227,10 +236,12 @@ def _number_type(dtype: Any) -> Any:
 @lru_cache(maxsize=256)
 def _creation(shape: tuple[int, ...], compressed: bool) -> Any:
     """How a dataset is laid out: an array in one chunk with a checksum, a single value as it is."""
-    from h5py import h5p
+    from h5py import h5d, h5p
 
     creation = h5p.create(h5p.DATASET_CREATE)
     creation.set_obj_track_times(False)
+    if not shape:
+        creation.set_alloc_time(h5d.ALLOC_TIME_EARLY)  # so that its place is known before there is a value
     if all(shape) and shape:
         creation.set_chunk(shape)
         if compressed:
@@ -263,18 +274,23 @@ def _create_dataset(file: h5py.File, item: Item, kind: Any, shape: tuple[int, ..
     return dataset
 
 
-def _write_values(dataset: Any, value: Value) -> None:
-    """Write all of a dataset."""
+def _in_memory(value: Value) -> tuple[Any, Any]:
+    """HDF5's type of a value, and its data."""
     import numpy as np
-    from h5py import h5s
 
     kind, shape = _kind(value)
-    if isinstance(value, str | tuple):
-        memory = _text_type(kind)
-        texts = [text.encode() for text in ((value,) if isinstance(value, str) else value)]
-        data = np.array(texts, dtype=memory.dtype).reshape(shape)
-    else:
-        memory, data = _number_type(kind), value
+    if not isinstance(value, str | tuple):
+        return _number_type(kind), value
+    memory = _text_type(kind)
+    texts = [text.encode() for text in ((value,) if isinstance(value, str) else value)]
+    return memory, np.array(texts, dtype=memory.dtype).reshape(shape)
+
+
+def _write_values(dataset: Any, value: Value) -> None:
+    """Write all of a dataset."""
+    from h5py import h5s
+
+    memory, data = _in_memory(value)
     if data.size:
         dataset.write(h5s.ALL, h5s.ALL, data, mtype=memory)
 
