@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from .command import BEFORE, Command
 from .compare import Comparison, Row
 from .machine import machine, versions
 from .refinements import Refinement, Way
@@ -25,7 +26,11 @@ class Measured:
     memory: list[Memory]
     refinements: list[Refinement]
     repeats: int
+    command: Command
 
+
+WALL, CPU = 0.45, 0.68
+"""What the whole command may take of its time, and of its processor time, at `command.BEFORE`."""
 
 Rule = tuple[str, bool]
 """A requirement in words with its figure, and whether it is met."""
@@ -35,6 +40,7 @@ def document(measured: Measured) -> str:
     """The whole document, Markdown."""
     parts = (
         _head(measured),
+        _command(measured.command),
         _whole(measured.comparison),
         _states(measured.comparison.rows),
         _singles(measured),
@@ -64,6 +70,9 @@ def rules(measured: Measured) -> list[Rule]:
     if 3200 in measured.large:
         seconds = measured.large[3200]
         out.append((f"N = 3200 from N = 1600 within a second: {seconds:.2f} s", seconds < 1))
+    for name, words, most in (("wall", "time", WALL), ("cpu", "processor time", CPU)):
+        left = measured.command.ratio(name)
+        out.append((f"the whole command in {most:.2f} of its {words} at {BEFORE}: {left:.2f}", left <= most))
     return out
 
 
@@ -90,6 +99,19 @@ Our seconds hold all that makes a certified state: start, detours by the other g
 linking number, facets. Files and spectra are left out.
 
 {met}"""
+
+
+def _command(command: Command) -> str:
+    lines = []
+    for name, words in (("wall", "by the clock"), ("cpu", "of all processes")):
+        before, now = command.medians(name)
+        lines.append((words, f"{before:.2f}", f"{now:.2f}", f"{now / before:.2f}"))
+    return f"""## The whole command
+
+`ribbon solve configs/mobius-pi.yaml` into an empty folder: imports, solves, spectra, files. Seconds of the
+program at {BEFORE} and of today's, in turn, on {command.cores} cores; medians of {len(command.now)} runs each.
+
+{_table(("seconds", "before", "now", "ratio"), lines)}"""
 
 
 def _whole(c: Comparison) -> str:

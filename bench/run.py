@@ -11,6 +11,7 @@ from pathlib import Path
 from ribbon_cli.model.band import State
 
 from . import peer
+from .command import CONFIG, whole_command
 from .compare import compare
 from .document import Measured, document, rules
 from .ours import Table, twisted_guess
@@ -22,7 +23,8 @@ DOCUMENT = Path(__file__).parents[1] / "docs" / "benchmarks.md"
 
 @dataclass(frozen=True)
 class Size:
-    """How much is measured: the table, its runs, repeats of solves at `half_width` by N, memory."""
+    """How much is measured: the table, its runs, repeats of solves at `half_width` by N, memory, and runs of
+    the whole command."""
 
     widths: tuple[float, ...]
     levels: tuple[int, ...]
@@ -30,14 +32,17 @@ class Size:
     half_width: float
     singles: dict[int, int]
     memory: tuple[int, ...]
+    commands: int
 
 
-FULL = Size(peer.WIDTHS, peer.LEVELS, 3, 0.5, {50: 15, 200: 15, 800: 7, 3200: 3}, (800, 1600, 3200, 6400))
-QUICK = Size((0.1, 0.2), (50, 100), 1, 0.2, {50: 1, 100: 1}, (100,))
+FULL = Size(peer.WIDTHS, peer.LEVELS, 3, 0.5, {50: 15, 200: 15, 800: 7, 3200: 3}, (800, 1600, 3200, 6400), 5)
+QUICK = Size((0.1, 0.2), (50, 100), 1, 0.2, {50: 1, 100: 1}, (100,), 1)
 
 
 def measure(size: Size) -> Measured:
     """Run everything; what goes on is told on stderr."""
+    _say("the whole command, before and now")
+    command = whole_command(CONFIG, size.commands)
     coarsest = size.levels[0]
     _say("the twisted guess")
     guess = twisted_guess(coarsest, size.widths[0])
@@ -58,7 +63,7 @@ def measure(size: Size) -> Measured:
         grown.append(memory(prolonged(states[n // 2], n)))
     both = refinements(reached, size.levels, _say)
     large = {n: r.seconds for n, r in fine.items()}
-    return Measured(comparison, singles, size.half_width, large, grown, both, size.runs)
+    return Measured(comparison, singles, size.half_width, large, grown, both, size.runs, command)
 
 
 def _before(reached: Table, size: Size) -> State:
