@@ -109,7 +109,7 @@ def _command(command: Command) -> str:
     return f"""## The whole command
 
 `ribbon solve configs/mobius-pi.yaml` into an empty folder: imports, solves, spectra, files. Seconds of the
-program at {BEFORE} and of today's, in turn, on {command.cores} cores; medians of {len(command.now)} runs each.
+program at {BEFORE} and of today's, in turn, on {command.cores} cores; medians of {len(command.now)} runs.
 
 {_table(("seconds", "before", "now", "ratio"), lines)}"""
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
+from functools import lru_cache
 
 import numpy as np
 import scipy
@@ -34,7 +34,7 @@ from .constraints import (
 )
 from .ends import displacement, finish_frame, start_frame
 from .sparsity import Scatter
-from .stencil import G1, SIZE, U0, X0, G, IntArray, Seam, Stencil, U, X, stencil
+from .stencil import G1, SIZE, U0, X0, G, IntArray, Seam, Stencil, U, X, indices, stencil
 from .term import Couplings
 from .terms import terms_of
 
@@ -97,6 +97,32 @@ class Layout:
         if self.seam.strip:
             places = np.column_stack((places, np.full(PER_NODE, END_ROW)))
         return places
+
+
+@lru_cache(maxsize=4)
+def _jacobian_scatter(layout: Layout) -> Scatter:
+    n, closing, index = layout.segments, layout.seam.closing, indices(layout.segments, layout.seam)[0]
+    rows = layout.row_places()[JACOBIAN_ROWS]
+    closing_rows = PER_NODE * n + np.tile(np.arange(closing), n)
+    closing_columns = (7 * np.arange(n)[:, None] + np.arange(closing)).ravel()
+    return Scatter.build(
+        np.concatenate((rows.ravel(), closing_rows)),
+        np.concatenate((index[JACOBIAN_COLUMNS].ravel(), closing_columns)),
+        (layout.rows, 7 * n + layout.seam.data),
+    )
+
+
+@lru_cache(maxsize=4)
+def _hessian_scatter(layout: Layout) -> Scatter:
+    places, index = hessian_places(layout.couplings), indices(layout.segments, layout.seam)[0]
+    rows, columns = index[places[0]], index[places[1]]
+    off = places[0] != places[1]
+    total = 7 * layout.segments + layout.seam.data
+    return Scatter.build(
+        np.concatenate((rows.ravel(), columns[off].ravel())),
+        np.concatenate((columns.ravel(), rows[off].ravel())),
+        (total, total),
+    )
 
 
 @dataclass(frozen=True)
@@ -369,30 +395,6 @@ class Problem:
         hessian[U, G, node] += curvature[1, node] * np.eye(3)
         curvature[1, node] = 0.0
 
-    @cached_property
-    def _jacobian_scatter(self) -> Scatter:
-        n, index = self.band.segments, self.stencil.index
-        rows = self.layout.row_places()[JACOBIAN_ROWS]
-        closing_rows = PER_NODE * n + np.tile(np.arange(self.closing), n)
-        closing_columns = (7 * np.arange(n)[:, None] + np.arange(self.closing)).ravel()
-        return Scatter.build(
-            np.concatenate((rows.ravel(), closing_rows)),
-            np.concatenate((index[JACOBIAN_COLUMNS].ravel(), closing_columns)),
-            (self.rows, self.size + self.stencil.seam.data),
-        )
-
-    @cached_property
-    def _hessian_scatter(self) -> Scatter:
-        places = hessian_places(self.layout.couplings)
-        rows, columns = self.stencil.index[places[0]], self.stencil.index[places[1]]
-        off = places[0] != places[1]
-        total = self.size + self.stencil.seam.data
-        return Scatter.build(
-            np.concatenate((rows.ravel(), columns[off].ravel())),
-            np.concatenate((columns.ravel(), rows[off].ravel())),
-            (total, total),
-        )
-
     def jacobian(self, x: Array) -> scipy.sparse.csc_matrix:
         """Weighted constraint Jacobian (5N+3, 7N), sparse."""
         return self.jacobian_matrix(self.local_derivatives(x, np.zeros(self.rows)))
@@ -401,7 +403,7 @@ class Problem:
         """Assemble the weighted Jacobian (5N+3, 7N) from local derivatives."""
         closing = np.full(self.closing * self.band.segments, self.band.h)
         values = np.concatenate((local.jacobian_entries(), closing))
-        return self._jacobian_scatter.matrix(values)[:, : self.size]
+        return _jacobian_scatter(self.layout).matrix(values)[:, : self.size]
 
     def hessian(self, x: Array, multipliers: Array) -> scipy.sparse.csc_matrix:
         """Hessian (7N, 7N) of the Lagrangian, (2.55), sparse and symmetric."""
@@ -411,7 +413,7 @@ class Problem:
         """Assemble the Lagrangian's Hessian (7N, 7N) from local derivatives."""
         off = local.hessian[local.places][local.places[0] != local.places[1]].ravel()
         values = np.concatenate((local.hessian_entries(), off))
-        return self._hessian_scatter.matrix(values)[: self.size, : self.size]
+        return _hessian_scatter(self.layout).matrix(values)[: self.size, : self.size]
 
     def gradient(self, x: Array) -> Array:
         """Gradient (7N,) of the energy; zero at prescribed components."""

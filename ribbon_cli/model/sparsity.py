@@ -11,6 +11,22 @@ from numpy.typing import NDArray
 from .band import Array
 
 
+def _order(key: NDArray[np.int64], before: NDArray[np.int64] | None) -> NDArray[np.int64]:
+    """Indices that sort a key (E,) of numbers not below zero, equal ones in an order `before` (E,).
+
+    Digit by digit: NumPy sorts 16 bits by counting, in a tenth of the time that it takes for longer numbers.
+    """
+    order, rest = before, int(key.max(initial=0))
+    shift = 0
+    while rest or not shift:
+        digits = (key >> shift).astype(np.uint16)
+        again = np.argsort(digits if order is None else digits[order], kind="stable")
+        order = again if order is None else order[again]
+        shift, rest = shift + 16, rest >> 16
+    assert order is not None
+    return order
+
+
 @dataclass(frozen=True)
 class Scatter:
     """Sums entries given in a fixed order of (row, column) into a CSC matrix.
@@ -26,10 +42,15 @@ class Scatter:
     @classmethod
     def build(cls, rows: NDArray[np.int64], columns: NDArray[np.int64], shape: tuple[int, int]) -> Scatter:
         """Build the pattern from the entries' rows and columns, both (E,)."""
-        key = columns.astype(np.int64) * shape[0] + rows
-        unique, slot = np.unique(key, return_inverse=True)
-        indptr = np.searchsorted(unique, np.arange(shape[1] + 1, dtype=np.int64) * shape[0])
-        return cls(shape, indptr.astype(np.int32), (unique % shape[0]).astype(np.int32), slot.ravel())
+        order = _order(columns, _order(rows, None))
+        row, column = rows[order], columns[order]
+        first = np.ones(order.size, dtype=bool)
+        first[1:] = (np.diff(row) != 0) | (np.diff(column) != 0)
+        slot = np.empty(order.size, dtype=np.int64)
+        slot[order] = np.cumsum(first) - 1
+        indptr = np.zeros(shape[1] + 1, dtype=np.int32)
+        np.cumsum(np.bincount(column[first], minlength=shape[1]), out=indptr[1:])
+        return cls(shape, indptr, row[first].astype(np.int32), slot)
 
     def data(self, values: Array) -> Array:
         """Summed values in CSC order, (nnz,)."""

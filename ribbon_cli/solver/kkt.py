@@ -59,8 +59,7 @@ def _pattern(layout: Layout, rotations: int) -> Pattern:
     """Build the pattern, in the order of entries of `KKTMatrix`."""
     n, size, closing = layout.segments, 7 * layout.segments, layout.seam.closing
     index = indices(n, layout.seam)[1]  # what is not an unknown carries zeros only
-    places = hessian_places(layout.couplings)
-    one, other = index[places[0]], index[places[1]]
+    one, other = (index[place] for place in hessian_places(layout.couplings))
     jac_columns = size + layout.row_places()[JACOBIAN_ROWS]
     tangents = (7 * np.arange(n)[:, None] + np.arange(closing)).ravel()
     close_columns = size + PER_NODE * n + np.tile(np.arange(closing), n)
@@ -78,21 +77,17 @@ def _pattern(layout: Layout, rotations: int) -> Pattern:
     )
     # Sorted columns of an upper triangle end on the diagonal.
     diagonal = upper.indptr[1:].astype(np.int64) - 1
-    row, column = upper.indices.astype(np.int64), np.repeat(every, np.diff(upper.indptr))
-    place = np.arange(row.size)
-    off = row != column
-    row, column, place = (
-        np.concatenate(pair) for pair in ((row, column[off]), (column, row[off]), (place, place[off]))
-    )
-    order = np.lexsort((column, row))
-    indptr = np.searchsorted(row[order], np.arange(total + 1))
-    whole = scipy.sparse.csr_matrix(
-        (np.zeros(order.size), column[order].astype(np.int32), indptr.astype(np.int32)), shape=upper.shape
-    )
+    places = np.arange(1, upper.indices.size + 1)  # not zero, which a sum would leave out
+    above = scipy.sparse.csc_matrix((places, upper.indices, upper.indptr), shape=upper.shape)
+    below = above.T.copy()
+    below.data[diagonal] = 0
+    whole = below + above.tocsr()
+    source = whole.data - 1
+    whole.data = np.zeros(source.size)
     empty = scipy.sparse.csc_matrix(
         (np.zeros(upper.indices.size), upper.indices, upper.indptr), shape=upper.shape
     )
-    return Pattern(upper, diagonal, empty, whole, place[order])
+    return Pattern(upper, diagonal, empty, whole, source)
 
 
 def _filled(like: scipy.sparse.spmatrix, data: Array) -> scipy.sparse.spmatrix:

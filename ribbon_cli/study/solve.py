@@ -52,8 +52,8 @@ def solve_config(
     `root` is the folder of the runs; `references` is that of the runs that the config's guess may refer to,
     by default the same. `fresh` puts an existing run aside first, keeping it. Whoever solves many configs at
     once sets `second_process` to False: see `Run.commit_soon`. Targets that are not reached are in the
-    outcome, and the log keeps which. Raises UsageError for a given state that does not fit (before any run folder
-    is made), StoreError, LockedError.
+    outcome, and the run's log keeps which. Raises UsageError for a given state that does not fit (before any
+    run folder is made), StoreError, LockedError.
     """
     given, remarks = None, list[str]()
     if config.guess.recipe == "state":
