@@ -30,7 +30,7 @@ from .strips import Clamps, StripPeer, StripResult, StripStart, build
 
 HALF_WIDTH, LENGTH, SPAN = 0.05, 1.0, 0.75
 SHEAR, STEPS = 0.15, 20
-"""Short of a branch point, at a shear of about 0.18, beyond which the two end on different branches."""
+"""Short of a shear of 0.2, where the branch loses its stability: beyond, the two end on different states."""
 COARSEST = 50
 
 
