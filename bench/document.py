@@ -272,19 +272,19 @@ def _strips(strips: Strips) -> str:
     first, last = strips.paths[0], strips.paths[0].steps[-1]
     return f"""## Strips between clamps
 
-Seconds of the processor; medians in turn. One Newton step at N = {cost.segments}, that is derivatives, matrix,
-factors and solution:
+Seconds of the processor; medians in turn. One Newton step at N = {cost.segments}: derivatives, matrix,
+factors and solution.
 
 {_table(("", "ms", "ratio to the band's"), costs)}
 
-A strip at span {SPAN:g} l, b = {HALF_WIDTH:g} l, is sheared to {last.shear:g} l in {len(first.steps)} equal steps
-at N = {first.segments}; `bench/strips.py` is the peer's problem. Each step begins for both at our certified state
-of the step before. Ours has its multipliers, and holds the certificate, the guard of Tw + Wr and the check
-that the branch was kept. The peer begins without multipliers, which it then estimates, and with ours. Passes
-of the path: {strips.repeats}. Sums are over the steps that both end on the same equilibrium. The path stops short
-of a shear of 0.2 l, where the branch loses its stability: beyond, the two end on different states. Required is
-the ratio under the first rule, the default, with the peer at its best. What the peer loses, it loses in the
-first steps; a later one takes it about as long as us with all our checks.
+A strip at span {SPAN:g} l, b = {HALF_WIDTH:g} l, is sheared to {last.shear:g} l at N = {first.segments},
+in {len(first.steps)} equal steps; `bench/strips.py` is the peer's problem. Each step begins for both at our
+certified state of the step before. Ours has its multipliers, and holds the certificate, the guard of Tw + Wr
+and the check that the branch was kept. The peer begins without multipliers, which it then estimates, and with
+ours. Passes of the path: {strips.repeats}. Sums are over the steps that both end on the same equilibrium. The
+path stops short of a shear of 0.2 l, where the branch loses its stability: beyond, the two end on different
+states. Required is the ratio under the first rule, the default, with the peer at its best. What the peer loses,
+it loses in the first steps; a later one takes it about as long as us with all our checks.
 
 {_table(("rule", "peer", "same equilibrium", "ours, s", "peer, s", "ratio"), totals)}
 
