@@ -283,8 +283,8 @@ certified state of the step before. Ours has its multipliers, and holds the cert
 and the check that the branch was kept. The peer begins without multipliers, which it then estimates, and with
 ours. Passes of the path: {strips.repeats}. Sums are over the steps that both end on the same equilibrium. The
 path stops short of a shear of 0.2 l, where the branch loses its stability: beyond, the two end on different
-states. Required is the ratio under the first rule, the default, with the peer at its best. What the peer loses,
-it loses in the first steps; a later one takes it about as long as us with all our checks.
+states. Required is the ratio under the first rule, the default, with the peer at its best. What the peer
+loses, it loses in the first steps; a later one takes it about as long as us with all our checks.
 
 {_table(("rule", "peer", "same equilibrium", "ours, s", "peer, s", "ratio"), totals)}
 
