@@ -10,6 +10,7 @@ from functools import lru_cache
 from pathlib import Path
 
 import pytest
+from strip_points import branch_point_in_span, vertex_in_span
 from strip_support import band, planar, walked
 
 from ribbon_cli.config import parse_config
@@ -76,6 +77,14 @@ def test_a_branch_point_and_a_fold_are_located_and_followed(parameter: str, twis
     # The crossing branch leaves to both sides of this one.
     apart = [side[-1].x - crossing.point.x for side in sides]
     assert apart[0] @ apart[1] < 0.0
+
+
+def test_a_pitchforks_vertex_under_span_is_a_branch_point() -> None:
+    """The lifted strip that is not symmetric under the half turn turns back where it meets those that are."""
+    vertex, crossed = vertex_in_span(24), branch_point_in_span(24)
+    assert abs(vertex.tangent.value) < 1e-4
+    assert vertex.point.value == pytest.approx(crossed.point.value, abs=1e-9)
+    assert vertex.point.energy == pytest.approx(crossed.point.energy, rel=1e-7)
 
 
 SHEARED = """\
