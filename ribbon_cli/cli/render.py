@@ -129,9 +129,10 @@ def branch_text(course: study.Course) -> str:
 def branch_table(course: study.Course) -> str:
     """The points of a branch: label, type, its parameter, E, index, lowest eigenvalue, Lk and contact.
 
-    Of a strip Tw + Wr stands for Lk.
+    Of a strip Tw + Wr stands for Lk, and it slides nowhere.
     """
     name = course.parameter
+    strips = any("gravity" in point.parameters for point in course.points)
     rows = (
         [
             str(point.label),
@@ -140,17 +141,16 @@ def branch_table(course: study.Course) -> str:
             energy(point.energy),
             _branch_index(point.negative_eigenvalues, point.index_before, point.index_after),
             number(point.lowest_eigenvalue, ".3e"),
-            number(point.sliding_overlap, ".2f"),
+            *([] if strips else [number(point.sliding_overlap, ".2f")]),
             _linking_number(point.linking_number),
             "yes" if point.self_contact else "no",
             point.status,
         ]
         for point in course.points
     )
-    strips = any("gravity" in point.parameters for point in course.points)
-    turn = "Tw+Wr" if strips else "Lk"
-    heads = ["label", "type", PARAMETERS[name].symbol, "E", "index", "lowest", "sliding", turn, "contact"]
-    return columns([*heads, "status"], rows)
+    turns = ["Tw+Wr"] if strips else ["sliding", "Lk"]
+    heads = ["label", "type", PARAMETERS[name].symbol, "E", "index", "lowest", *turns, "contact", "status"]
+    return columns(heads, rows)
 
 
 def _branch_index(negative: int | None, before: int | None, after: int | None) -> str:
