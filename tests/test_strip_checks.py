@@ -130,8 +130,9 @@ def test_spectra_under_refinement_do_not_mix_problems(strips: Path) -> None:
     """Two values of the shear at one half-width have a table each."""
     told = ribbon_json("spectrum", "sheared", "--convergence", "--modes", "1", "--runs", strips)
     first = [s for s in told["sequences"] if (s["label"], s["number"]) == ("mode", 1)]
-    places = [(s["half_width"], s["parameters"]["shear"], tuple(s["segments"])) for s in first]
-    assert places == [(0.05, 0.03, (20,)), (0.05, 0.06, (20, 40)), (0.06, 0.06, (20, 40))]
+    places = [(s["half_width"], s["parameters"]["shear"], s["segments"]) for s in first]
+    assert places[1:] == [(0.05, 0.03, [20]), (0.05, 0.06, [20, 40]), (0.06, 0.06, [20, 40])]
+    assert places[0][:2] == (0.05, 0.0)
     text = ribbon("spectrum", "sheared", "--convergence", "--modes", "1", "--runs", strips).stdout
     assert "b = 0.05, shear = 0.03, physical metric" in text
 
