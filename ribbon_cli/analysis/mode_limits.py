@@ -51,7 +51,7 @@ def spectral_convergence(
 
 
 def _entries(run: Run) -> list[Entry]:
-    """The run's equilibria, one for each half-width, other parameters and N. Raises UsageError where there is none."""
+    """The run's equilibria, one for each place. Raises UsageError where there is none."""
     entries = table_entries(run)
     if not entries:
         raise UsageError(no_equilibria(run))
