@@ -14,13 +14,16 @@ from strip_runs import strips
 
 import ribbon_cli as ribbon_api
 from ribbon_cli import analysis, plot
+from ribbon_cli.export.mesh import facet_corners
 from ribbon_cli.export.series import along, branch, levels
+from ribbon_cli.export.view import chosen_view, strip_axes
 from ribbon_cli.pages.run import run_page
-from ribbon_cli.parts import Ends, Parts
+from ribbon_cli.parts import Ends, Loads, Parts
 from ribbon_cli.plot.canvas import Figure
 from ribbon_cli.plot.kinds import Source
 from ribbon_cli.plot.labels import band_text, place_texts
 from ribbon_cli.plot.modes import displaced
+from ribbon_cli.plot.pictures import Panel, family_figure, shapes_figure
 from ribbon_cli.plot.shape import draw_shape
 from ribbon_cli.plot.style import STYLES
 from ribbon_cli.plot.supports import plates
@@ -133,6 +136,35 @@ def test_labels_tell_states_by_their_parameters(strips: Path) -> None:
     states = branch(run_named(strips, "cantilever"))
     assert place_texts(states)[-1] == "end force y = 0.2"
     assert band_text(0, 0) == "strip"
+
+
+def test_a_strip_is_seen_in_its_start_s_frame_with_its_weight_downwards(strips: Path) -> None:
+    record = last(strips, "sheared")
+    for direction in ((0.0, -1.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, -1.0), (0.36, 0.48, 0.8)):
+        loads = Loads(gravity_direction=direction)
+        axes = strip_axes(replace(record, parts=replace(record.parts, loads=loads)))
+        np.testing.assert_allclose(axes[1], -np.array(direction), atol=1e-12)
+        np.testing.assert_allclose(np.linalg.inv(axes), axes.T, atol=1e-12)
+        assert np.linalg.det(axes) == pytest.approx(1.0)
+    view = chosen_view(facet_corners(record), (0.0, 0.0), strip_axes(record))
+    np.testing.assert_allclose(view.axes, np.eye(3), atol=1e-12)
+    # Not turned onto each other: clamps stay where they are.
+    figure = shapes_figure([Panel(record, "a"), Panel(record, "b")], PAPER, aligned=True, angles=(0.0, 0.0))
+    assert figure.axes[0].get_xlim() == figure.axes[1].get_xlim()
+
+
+def test_titles_of_a_family_fit_their_shapes_in_the_order_of_the_schedule(strips: Path) -> None:
+    picture = draw("family", source(strips, "sheared"))
+    titles = [axes.get_title() for axes in picture.figure.axes]
+    assert [title.replace("\n", ", ") for title in titles] == [
+        "$b$ = 0.05, shear = 0",
+        "$b$ = 0.05, shear = 0.03",
+        "$b$ = 0.05, shear = 0.06",
+        "$b$ = 0.06, shear = 0.06",
+    ]
+    record, length = last(strips, "sheared"), 0.123456
+    moved = [replace(record, parts=Parts(Ends(span=length + k, shear=length + k))) for k in range(4)]
+    assert [axes.get_title().count("\n") for axes in family_figure(moved, PAPER).axes] == [1] * 4
 
 
 def test_a_mode_moves_no_clamp(strips: Path) -> None:
