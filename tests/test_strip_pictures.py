@@ -15,10 +15,11 @@ from strip_runs import strips
 import ribbon_cli as ribbon_api
 from ribbon_cli import analysis, plot
 from ribbon_cli.export.mesh import facet_corners
-from ribbon_cli.export.series import along, branch, levels
+from ribbon_cli.export.series import along, branch, courses, levels
 from ribbon_cli.export.view import chosen_view, strip_axes
 from ribbon_cli.pages.run import run_page
 from ribbon_cli.parts import Ends, Loads, Parts
+from ribbon_cli.plot.branches import arclength_figure
 from ribbon_cli.plot.canvas import Figure
 from ribbon_cli.plot.kinds import Source
 from ribbon_cli.plot.labels import band_text, place_texts
@@ -106,9 +107,25 @@ def test_captions_name_what_is_not_zero(strips: Path) -> None:
 def test_a_branch_has_the_axis_of_its_parameter(strips: Path) -> None:
     for name, parameter in (("sheared", "shear"), ("cantilever", "end force y"), ("branch", "span")):
         picture = draw("branch", source(strips, name))
-        assert [axes.get_xlabel() for axes in picture.figure.axes] == [parameter] * 3
+        panels = 4 if name == "branch" else 3
+        assert [axes.get_xlabel() for axes in picture.figure.axes] == [parameter] * panels
         assert picture.figure.axes[0].get_title(loc="left") == "$E$"
         assert parameter in picture.title
+
+
+def test_a_branch_between_ends_shows_the_force_across(strips: Path) -> None:
+    """Sides of a branch point that are each other's image have one energy and opposite forces."""
+    (points,) = courses(run_named(strips, "branch")).values()
+    forces = [3.0 * (-1) ** k for k, _ in enumerate(points)]
+    moved = [
+        replace(point, reaction_force=(0.0, force, 0.0)) for point, force in zip(points, forces, strict=True)
+    ]
+    for given, panels in ((moved, 4), ([replace(moved[0], reaction_force=None), *moved[1:]], 3)):
+        figure = arclength_figure({"up": given}, {}, PAPER, "span")
+        assert len(figure.axes) == panels
+        if panels == 4:
+            drawn = np.concatenate([line.get_ydata() for line in figure.axes[3].get_lines()[:-1]])
+            assert set(drawn) == set(forces)
 
 
 def test_a_branch_does_not_mix_problems(strips: Path) -> None:

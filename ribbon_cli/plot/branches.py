@@ -72,6 +72,8 @@ def arclength_figure(
             mark_points(axes, points, b, values, look["color"], style)
     titles = (title, "lowest eigenvalue", "clearance", *([FORCE] if held else []))
     branch_panels(places, titles, parameter)
+    for axes in places if held else ():
+        axes.locator_params(axis="x", nbins=6)
     _tame(places[1])
     for axes in places[1::2]:
         axes.axhline(0.0, color=LIGHT_GREY, linewidth=0.6, zorder=0)
