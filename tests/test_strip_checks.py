@@ -126,6 +126,14 @@ def test_spectra_name_the_problem_and_have_no_column_of_sliding(strips: Path) ->
     assert "sliding" not in ribbon("show", branch.name, "--runs", strips).stdout
 
 
+def test_targets_of_a_schedule_are_told_by_their_place(strips: Path, tmp_path: Path) -> None:
+    (tmp_path / "sheared.yaml").write_text(SHEARED)
+    text = ribbon("solve", tmp_path / "sheared.yaml", "-q", "--runs", strips).stdout
+    rows = [line.strip().partition("  ")[0] for line in text.splitlines()]
+    first, second, last = (f"b = {b}, shear = {s}" for b, s in ((0.05, 0.03), (0.05, 0.06), (0.06, 0.06)))
+    assert rows == ["place", first, second, second, last, last]
+
+
 def test_spectra_under_refinement_do_not_mix_problems(strips: Path) -> None:
     """Two values of the shear at one half-width have a table each."""
     told = ribbon_json("spectrum", "sheared", "--convergence", "--modes", "1", "--runs", strips)

@@ -106,16 +106,18 @@ def states_table(states: Sequence[Summary], kinds: bool) -> str:
 
 
 def targets_table(targets: Iterable[study.Target], states: Mapping[int, Summary]) -> str:
-    """What came of each target; `states` holds the summaries by label."""
-    rows = []
+    """What came of each target; `states` holds the summaries by label. Other parameters stand beside b."""
+    rows, targets = [], list(targets)
+    named = any(target.place for target in targets)
     for target in targets:
         state = None if target.label is None else states.get(target.label)
         word = "beyond contact" if target.beyond else "not reached"
         empty = [MISSING, word, *[MISSING] * (len(_FIGURES) - 2)]
         figures = empty if state is None else _figures(state)
         label = MISSING if target.label is None else str(target.label)
-        rows.append([number(target.half_width, ".10g"), str(target.segments), label, *figures])
-    return columns(["b", "N", "label", *_heads(states.values())], rows)
+        place = target.where if named else number(target.half_width, ".10g")
+        rows.append([place, str(target.segments), label, *figures])
+    return columns(["place" if named else "b", "N", "label", *_heads(states.values())], rows)
 
 
 def branch_text(course: study.Course) -> str:
