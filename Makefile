@@ -23,7 +23,7 @@ PIP := $(BIN)/python -m pip -qq --disable-pip-version-check
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 FIGURES := $(addprefix figure-3.,1 2 3 4 5 6 7 8 9 10 11 12 13 14)
-.PHONY: help setup table-3.1 paper $(FIGURES) gallery checkerboard everted-cylinder everted-moebius docs
+.PHONY: help setup table-3.1 paper $(FIGURES) gallery bifurcation checkerboard everted-cylinder everted-moebius docs
 .PHONY: test test-long test-docs test-minimum test-package test-browser test-readers test-peers test-large test-branches test-faults test-auto lint bench same-as clean
 
 help: ## list the targets
@@ -52,6 +52,10 @@ $(FIGURES): setup
 
 gallery: setup ## draw the pictures of the documentation: docs/gallery/
 	@sh docs/gallery/draw.sh $(BIN)/ribbon
+
+bifurcation: setup ## draw the bifurcation diagram of a sheared strip: docs/gallery/bifurcation.png
+	@$(BIN)/ribbon -q solve configs/strips/shear-branches.yaml > /dev/null
+	@$(BIN)/ribbon -q plot strip-shear-branches branch -o docs/gallery/bifurcation.png --overwrite
 
 # Sphinx takes pages as they are, here and in findings; a warning, such as of a link that leads nowhere, is an error.
 docs: $(READY_DOCS) ## build the documentation as a site: build/site/index.html

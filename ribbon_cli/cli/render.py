@@ -106,16 +106,18 @@ def states_table(states: Sequence[Summary], kinds: bool) -> str:
 
 
 def targets_table(targets: Iterable[study.Target], states: Mapping[int, Summary]) -> str:
-    """What came of each target; `states` holds the summaries by label."""
-    rows = []
+    """What came of each target; `states` holds the summaries by label. Other parameters stand beside b."""
+    rows, targets = [], list(targets)
+    named = any(target.place for target in targets)
     for target in targets:
         state = None if target.label is None else states.get(target.label)
         word = "beyond contact" if target.beyond else "not reached"
         empty = [MISSING, word, *[MISSING] * (len(_FIGURES) - 2)]
         figures = empty if state is None else _figures(state)
         label = MISSING if target.label is None else str(target.label)
-        rows.append([number(target.half_width, ".10g"), str(target.segments), label, *figures])
-    return columns(["b", "N", "label", *_heads(states.values())], rows)
+        place = target.where if named else number(target.half_width, ".10g")
+        rows.append([place, str(target.segments), label, *figures])
+    return columns(["place" if named else "b", "N", "label", *_heads(states.values())], rows)
 
 
 def branch_text(course: study.Course) -> str:
@@ -129,9 +131,10 @@ def branch_text(course: study.Course) -> str:
 def branch_table(course: study.Course) -> str:
     """The points of a branch: label, type, its parameter, E, index, lowest eigenvalue, Lk and contact.
 
-    Of a strip Tw + Wr stands for Lk.
+    Of a strip Tw + Wr stands for Lk, and it slides nowhere.
     """
     name = course.parameter
+    strips = any("gravity" in point.parameters for point in course.points)
     rows = (
         [
             str(point.label),
@@ -140,17 +143,16 @@ def branch_table(course: study.Course) -> str:
             energy(point.energy),
             _branch_index(point.negative_eigenvalues, point.index_before, point.index_after),
             number(point.lowest_eigenvalue, ".3e"),
-            number(point.sliding_overlap, ".2f"),
+            *([] if strips else [number(point.sliding_overlap, ".2f")]),
             _linking_number(point.linking_number),
             "yes" if point.self_contact else "no",
             point.status,
         ]
         for point in course.points
     )
-    strips = any("gravity" in point.parameters for point in course.points)
-    turn = "Tw+Wr" if strips else "Lk"
-    heads = ["label", "type", PARAMETERS[name].symbol, "E", "index", "lowest", "sliding", turn, "contact"]
-    return columns([*heads, "status"], rows)
+    turns = ["Tw+Wr"] if strips else ["sliding", "Lk"]
+    heads = ["label", "type", PARAMETERS[name].symbol, "E", "index", "lowest", *turns, "contact", "status"]
+    return columns(heads, rows)
 
 
 def _branch_index(negative: int | None, before: int | None, after: int | None) -> str:
