@@ -10,6 +10,7 @@ import sys
 import time
 import weakref
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -91,6 +92,14 @@ def test_solve_prints_a_table_of_targets(scripted):
     ribbon("--runs", "other", "solve", "mobius.yaml", "--fresh")
     assert str(calls[1][0][1]) == "other"
     assert calls[1][1]["fresh"] is True
+
+
+def test_targets_are_told_by_all_parameters_that_a_schedule_moves(scripted):
+    places = ("b = 0.5, shear = 0.1", "b = 0.5, shear = 0.2")
+    scripted(replace(reached(1, 50), place=places[0]), replace(MISSED, place=places[1]))
+    lines = ribbon("solve", "mobius.yaml").stdout.splitlines()
+    assert [line[:22].rstrip() for line in lines] == ["place", *places]
+    assert "not reached" in lines[2]
 
 
 def test_solve_prints_one_json_document(scripted):

@@ -69,11 +69,10 @@ class _Current:
     def heading(self) -> str:
         """Which of how many stages this is, and where it is."""
         stage, found = self.stage, None if self.last is None else self.last.half_width
-        width = len(str(stage.total))
         place = f"b = {stage.half_width if found is None else found:g}, N = {stage.segments}"
         # Some stages are named by where they end.
         name = "" if stage.name.startswith("b = ") else f"{stage.name}: "
-        return f"[{stage.index:{width}}/{stage.total}] {name}{place}"
+        return f"{stage.count} {name}{place}"
 
     def line(self) -> str:
         """The whole stage, once it is over."""
@@ -147,7 +146,8 @@ class Lines:
             self._write(idle[0].line())
         elif idle:
             first, last = idle[0].stage, idle[-1].stage
-            self._write(f"[{first.index}-{last.index}/{last.total}] no steps")
+            of = f"/{last.total}" if last.total else ""
+            self._write(f"[{first.index}-{last.index}{of}] no steps")
 
     def _write(self, text: str) -> None:
         self._put(text)
@@ -166,7 +166,7 @@ class Bar(Lines):
         super()._begin(begun)
         heading, stage = visible(begun.heading), begun.stage
         self._bar.update(
-            self._task, description=heading, total=stage.total, completed=stage.index - 1, figures=""
+            self._task, description=heading, total=stage.total or None, completed=stage.index - 1, figures=""
         )
 
     def _step(self, current: _Current, step: Step) -> None:

@@ -98,7 +98,8 @@ class OpenRun(Run):
             raise UsageError("at() needs b, N or both")
         for name in parameters:
             if name not in PARAMETERS:
-                raise UsageError(f"at(): no parameter {name!r}{suggest(name, PARAMETERS)}")
+                hint = suggest(name, ("b", "N")) or suggest(name.upper(), "N") or suggest(name, PARAMETERS)
+                raise UsageError(f"at(): no parameter {name!r}{hint}")
         values = {name: _real(value) for name, value in parameters.items()}
         values |= {} if b is None else {HALF_WIDTH: _real(b)}
         found, choice = select(self, values, None if N is None else operator.index(N))

@@ -166,6 +166,25 @@ def complete_words(words: tuple[str, ...]) -> _Callback:
     return _candidates(lambda ctx, _: words)
 
 
+class Word(click.ParamType):  # type: ignore[type-arg]  # generic in new versions of click alone
+    """One of a few words, offered by Tab, and listed where it is missing; the command itself judges it."""
+
+    name = "word"
+
+    def __init__(self, words: tuple[str, ...]) -> None:
+        self._words = words
+
+    def shell_complete(
+        self, ctx: click.Context, param: click.Parameter, incomplete: str
+    ) -> list[CompletionItem]:
+        """Offer the words."""
+        return complete_words(self._words)(ctx, param, incomplete)
+
+    def get_missing_message(self, param: click.Parameter, ctx: click.Context | None) -> str:
+        """List the words."""
+        return f"Choose one of {', '.join(self._words)}"
+
+
 complete_run = _candidates(_run_names)
 complete_state = _candidates(_references, "file")
 complete_any = _candidates(_states_or_runs, "file")

@@ -33,7 +33,9 @@ def init(settings: Settings, template: str, output: str | None, listing: bool) -
     """
     known = configs.templates()
     if listing:
-        emit_json(list(known)) if settings.json else emit("\n".join(known))
+        width = max(map(len, known))
+        lines = (f"{name:{width}}  {configs.about_template(text)}" for name, text in known.items())
+        emit_json(list(known)) if settings.json else emit("\n".join(lines))
         return
     if template not in known:
         hint = store.suggest(template, known) or f": there are {', '.join(known)}"

@@ -14,6 +14,7 @@ from ribbon_cli.cli.completion import complete_file, complete_state, complete_wo
 from ribbon_cli.cli.output import emit, emit_json, say, teller, warn
 from ribbon_cli.cli.plot_command import named
 from ribbon_cli.cli.settings import Settings, common_options, pass_settings
+from ribbon_cli.errors import UsageError
 
 
 @click.command()
@@ -22,9 +23,8 @@ from ribbon_cli.cli.settings import Settings, common_options, pass_settings
     "--to",
     "form",
     metavar="FORMAT",
-    required=True,
     shell_complete=complete_words(EXPORT_FORMATS),
-    help=f"One of: {', '.join(EXPORT_FORMATS)}.",
+    help=f"One of: {', '.join(EXPORT_FORMATS)}. Else the suffix of -o.",
 )
 @click.option("-o", "--output", metavar="PATH", shell_complete=complete_file, help="Else RUN-LABEL.FORMAT.")
 @click.option("--size", metavar="MM", type=float, help="Length of the midline: stl (200), svg and pdf (500).")
@@ -43,7 +43,7 @@ def export(
     settings: Settings,
     /,
     state: str,
-    form: str,
+    form: str | None,
     output: str | None,
     overwrite: bool,
     **asked: Any,
@@ -55,6 +55,10 @@ def export(
     width.
     """
     options = exports.formats.Options(**asked)
+    if not (form or output):
+        known = ", ".join(EXPORT_FORMATS)
+        raise UsageError(f"missing option '--to': one of {known}; or -o PATH with one of these as its suffix")
+    form = api.exporting.format_of(form, output)
     api.exporting.check_format(form, options)
     done = api.exporting.export(form, named(settings, state), options, output, overwrite, teller(settings))
     for line in done.remarks:

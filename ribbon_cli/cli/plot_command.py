@@ -10,7 +10,7 @@ from ribbon_cli import api, export, store
 from ribbon_cli import plot as pictures
 from ribbon_cli.api.names import PLOT_KINDS
 from ribbon_cli.api.targets import check_target
-from ribbon_cli.cli.completion import complete_any, complete_file, complete_words
+from ribbon_cli.cli.completion import Word, complete_any, complete_file, complete_words
 from ribbon_cli.cli.output import emit, emit_json, say, teller, warn
 from ribbon_cli.cli.settings import Settings, common_options, pass_settings
 from ribbon_cli.errors import UsageError
@@ -18,7 +18,7 @@ from ribbon_cli.errors import UsageError
 
 @click.command()
 @click.argument("ref", shell_complete=complete_any)
-@click.argument("kind", shell_complete=complete_words(PLOT_KINDS))
+@click.argument("kind", type=Word(PLOT_KINDS))
 @click.option(
     "-o",
     "--output",

@@ -19,7 +19,20 @@ from ribbon_cli.text import aligned, ranges, visible
 MISSING = "-"
 
 _LEFT = frozenset(
-    {"type", "status", "kind", "stage", "run", "last change", "name", "template", "field", "first", "second"}
+    {
+        "type",
+        "status",
+        "place",
+        "kind",
+        "stage",
+        "run",
+        "last change",
+        "name",
+        "template",
+        "field",
+        "first",
+        "second",
+    }
 )
 """Columns of words; the others hold numbers and are aligned on the right."""
 
@@ -107,15 +120,17 @@ def states_table(states: Sequence[Summary], kinds: bool) -> str:
 
 def targets_table(targets: Iterable[study.Target], states: Mapping[int, Summary]) -> str:
     """What came of each target; `states` holds the summaries by label."""
-    rows = []
+    rows, targets = [], list(targets)
+    named = any(target.place for target in targets)
     for target in targets:
         state = None if target.label is None else states.get(target.label)
         word = "beyond contact" if target.beyond else "not reached"
         empty = [MISSING, word, *[MISSING] * (len(_FIGURES) - 2)]
         figures = empty if state is None else _figures(state)
         label = MISSING if target.label is None else str(target.label)
-        rows.append([number(target.half_width, ".10g"), str(target.segments), label, *figures])
-    return columns(["b", "N", "label", *_heads(states.values())], rows)
+        place = target.where if named else number(target.half_width, ".10g")
+        rows.append([place, str(target.segments), label, *figures])
+    return columns(["place" if named else "b", "N", "label", *_heads(states.values())], rows)
 
 
 def branch_text(course: study.Course) -> str:
@@ -198,7 +213,7 @@ def _plain(value: Any) -> str:
         return MISSING if math.isnan(value) else f"{value:.10g}"
     if isinstance(value, list | tuple):
         return "; ".join(map(_plain, value)) or "none"
-    return visible(str(value))
+    return visible(str(value)) or MISSING
 
 
 def history_lines(events: Iterable[Event]) -> dict[str, str]:

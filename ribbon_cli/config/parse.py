@@ -128,7 +128,8 @@ def _other_file(file: str) -> str:
         near = [entry for entry in os.listdir(folder or ".") if entry.endswith((".yaml", ".yml"))]
     except OSError:
         return ""
-    meant = near_miss(name, near[:1000])
+    meant = next((entry for entry in near if os.path.splitext(entry)[0] == name), None)
+    meant = meant or near_miss(name, near[:1000])
     return f": did you mean {shown(os.path.join(folder, meant))}?" if meant else ""
 
 

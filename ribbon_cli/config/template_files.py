@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from importlib.resources import files
 
 from ribbon_cli.config.table import NAME
@@ -16,6 +17,12 @@ def templates() -> dict[str, str]:
         if file.name.endswith(".yaml")
     }
     return {name.removesuffix(".yaml"): found[name] for name in sorted(found)}
+
+
+def about_template(text: str) -> str:
+    """What a template is of: the beginning of its first comment."""
+    words = " ".join(line.removeprefix("#").strip() for line in text.splitlines()[2:5])
+    return re.split(r"[.:](?: |$)", words, maxsplit=1)[0]
 
 
 def template(name: str, stem: str) -> str:

@@ -36,8 +36,10 @@ def list_runs(root: str | Path, aside: bool = False) -> list[Run]:
 
 
 def suggest(word: str, known: Iterable[str]) -> str:
-    """Return "; did you mean ...?" for the nearest known words, or nothing."""
-    near = difflib.get_close_matches(word, list(dict.fromkeys(known)), n=3, cutoff=0.6)
+    """Return "; did you mean ...?" for the nearest known words, else for those that hold it, or nothing."""
+    words = list(dict.fromkeys(known))
+    near = difflib.get_close_matches(word, words, n=3, cutoff=0.6)
+    near = near or [name for name in words if len(word) > 2 and word in name][:3]
     return f"; did you mean {' or '.join(near)}?" if near else ""
 
 

@@ -10,7 +10,7 @@ from .. import digits
 
 @dataclass(frozen=True)
 class Stage:
-    """A stage begins, `index` (from 1) of about `total`."""
+    """A stage begins, `index` (from 1) of about `total`, which is 0 where nobody knows how many will come."""
 
     name: str
     index: int
@@ -18,8 +18,14 @@ class Stage:
     half_width: float
     segments: int
 
+    @property
+    def count(self) -> str:
+        """Which of how many it is."""
+        width = len(str(self.total))
+        return f"[{self.index:{width}}/{self.total}]" if self.total else f"[{self.index}]"
+
     def __str__(self) -> str:
-        return f"[{self.index}/{self.total}] {self.name}: b = {self.half_width:g}, N = {self.segments}"
+        return f"{self.count} {self.name}: b = {self.half_width:g}, N = {self.segments}"
 
 
 @dataclass(frozen=True)

@@ -186,7 +186,7 @@ def _grids(ref: str, segments: int, to: int | None, levels: int | None, method: 
     return grids
 
 
-def walk_from(run: Run, record: StateRecord, progress: Progress, argv: Sequence[str], total: int = 1) -> Walk:
+def walk_from(run: Run, record: StateRecord, progress: Progress, argv: Sequence[str], total: int = 0) -> Walk:
     """The walk of a pass that begins at a stored state; the config's repository is the one that it names."""
     origin = {key: value for key, value in record.provenance.items() if key in _CONFIG_FACTS}
     everted = record.half_twists == 0 and not_everted(state_of(record)) is None
