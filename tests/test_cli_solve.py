@@ -167,7 +167,7 @@ def test_interruptions_say_what_is_kept(scripted, number, code, words):
     result = ribbon(*words, "-q")
     assert (result.exit_code, result.stdout) == (code, "")
     name = signal.Signals(number).name
-    kept = "everything committed is kept, and the same line again resumes"
+    kept = "everything committed is kept, and the same command resumes"
     assert result.stderr == f"ribbon: interrupted by {name}: {kept}\n"
 
 

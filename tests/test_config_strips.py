@@ -198,7 +198,7 @@ MISTAKES = [
     ),
     (
         STRIP + "widths: [0.1]\nschedule: [{half_width: 0.1}]\n",
-        "6:11: schedule: cannot stand beside widths, its short form: keep one of the two",
+        "6:11: schedule: cannot be combined with widths, its short form: keep one of the two",
     ),
     (
         STRIP + "schedule: [{shaer: 0.1}]\n",
@@ -222,7 +222,7 @@ MISTAKES = [
     ),
     (
         STRIP + "schedule: [{shear: {to: 0.1, steps: 2}, lift: {to: 0.1, steps: 3}}]\n",
-        "5:47: schedule[0].lift: takes 3 steps and shear 2: what moves in one leg moves together",
+        "5:47: schedule[0].lift: takes 3 steps and shear 2: the parameters of one leg move together",
     ),
     (
         STRIP + "schedule: [{shear: 0.3}, {shear: 0.8}]\n",

@@ -40,7 +40,7 @@ def open(run: str | os.PathLike[str] | Run, runs: str | os.PathLike[str] | None 
     if isinstance(run, os.PathLike):
         return OpenRun(Run.open(text).path)
     if names_state(text) and ("@" in text or ":" in text):
-        raise UsageError(f"{text!r} names a state: open its run, and ask that for it by at() or state()")
+        raise UsageError(f"{text!r} names a state: open its run, then use at() or state()")
     return OpenRun.of(find_run(runs_root(runs_text(runs)), text))
 
 

@@ -166,7 +166,7 @@ class OpenState(StateRecord):
     def _in_a_run(self, what: str) -> api.OpenRun:
         """The run that results join. Raises UsageError outside of one."""
         if self.run is None:
-            raise UsageError(f"{self.path}: not in a run, and what {what} makes joins the state's run")
+            raise UsageError(f"{self.path}: not in a run: {what} adds its results to the state's run")
         return self.run
 
     def __repr__(self) -> str:

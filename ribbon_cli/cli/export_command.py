@@ -26,16 +26,20 @@ from ribbon_cli.errors import UsageError
     shell_complete=complete_words(EXPORT_FORMATS),
     help=f"One of: {', '.join(EXPORT_FORMATS)}. Else the suffix of -o.",
 )
-@click.option("-o", "--output", metavar="PATH", shell_complete=complete_file, help="Else RUN-LABEL.FORMAT.")
+@click.option(
+    "-o", "--output", metavar="PATH", shell_complete=complete_file, help="Default: RUN-LABEL.FORMAT."
+)
 @click.option("--size", metavar="MM", type=float, help="Length of the midline: stl (200), svg and pdf (500).")
-@click.option("--thickness", metavar="MM", type=float, help="Of the wall: stl (1).")
+@click.option("--thickness", metavar="MM", type=float, help="Thickness of the wall: stl (1).")
 @click.option(
     "--paper",
     metavar="NAME",
     shell_complete=complete_words(("A4", "Letter")),
     help="A4 or Letter: svg (one sheet unless given), pdf (A4).",
 )
-@click.option("--segments", metavar="N", type=click.IntRange(min=3), help="Of a run, the states with this N.")
+@click.option(
+    "--segments", metavar="N", type=click.IntRange(min=3), help="For a run: its states with this N."
+)
 @click.option("--overwrite", is_flag=True, help="Replace the file if there is one.")
 @common_options
 @pass_settings
@@ -51,7 +55,7 @@ def export(
     """Write a STATE in another format.
 
     svg and pdf are the fold pattern at true scale, fold has its creases for origami programs, glb is the
-    surface for browsers and Blender. vtkhdf and html take a run as well, and then its states of one N, by
+    surface for browsers and Blender. vtkhdf and html also take a RUN: its states of one N, ordered by
     width.
     """
     options = exports.formats.Options(**asked)

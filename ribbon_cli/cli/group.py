@@ -82,7 +82,7 @@ def _describe(error: BaseException, settings: Settings) -> tuple[str, int]:
     """The line for an error, and its exit code."""
     if isinstance(error, Stopped | click.Abort):
         number = error.number if isinstance(error, Stopped) else signal.SIGINT
-        kept = ": everything committed is kept, and the same line again resumes" if settings.commits else ""
+        kept = ": everything committed is kept, and the same command resumes" if settings.commits else ""
         return f"ribbon: interrupted by {signal.Signals(number).name}{kept}", 128 + number
     if isinstance(error, click.ClickException):
         return f"ribbon: {_usage(error)}", UsageError.exit_code

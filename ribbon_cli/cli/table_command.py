@@ -31,8 +31,8 @@ def convergence_table(
 ) -> int:
     """Energies under refinement: differences, orders, limits.
 
-    Of a CONFIG, what is missing is solved first. Of both, an energy without certificate is named on standard
-    error, and the exit code is 3.
+    For a CONFIG, missing states are solved first. Energies without a certificate are named on standard error,
+    and the exit code is then 3.
     """
     style = text_format(settings, style)
     if output is not None:

@@ -40,8 +40,8 @@ def _recipe(reader: Reader, node: Node, named: str, half_twists: Topology) -> Gu
     if not name:
         keys = {key.name: replace(key, required="") for key in keys.values()}
     refused = {
-        "state": "cannot stand beside a recipe: keep one of the two",
-        "saddle": "goes with a state, {state: ..., saddle: keep}: what a recipe leads to is not kept as one",
+        "state": "cannot be combined with a recipe: keep one of the two",
+        "saddle": "goes with a state, {state: ..., saddle: keep}: the result of a recipe is not kept as one",
     }
     found = reader.section(node, "initial_guess", Section((RECIPE, *keys.values()), name), refused)
     values = found.values()

@@ -87,7 +87,7 @@ def _width_range(reader: Reader, node: Node) -> tuple[float, ...] | None:
     # The last one exactly as written, whatever the rounding of the formula.
     values = (*(first + j * (last - first) / steps for j in range(steps)), last)
     if any(same_width(a, b) for a, b in pairwise(values)):
-        found.report("steps", f"must leave the widths apart, got {steps}: take fewer")
+        found.report("steps", f"must keep the widths distinct, got {steps}: take fewer")
         return None
     return values
 

@@ -342,7 +342,7 @@ def _check_root(file: h5py.File, source: str, head: str | None) -> str:
     name = text_attribute(file, "format")
     version = text_attribute(file, "format_version")
     if name == PACK:
-        raise StoreError(f"{source}: a packed run, no state: `ribbon unpack` makes a run of it again")
+        raise StoreError(f"{source}: a packed run, not a state: `ribbon unpack` restores the run")
     if name != FORMAT:
         raise ValueError(f"its format is {name!r}, not {FORMAT!r}")
     refuse_newer(version, source)

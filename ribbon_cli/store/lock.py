@@ -135,7 +135,7 @@ class RunLock:
         if os.path.lexists(self.folder / CLAIM):
             raise LockedError(self._describe_holder())
         note = self._read(HOLDER)
-        left = f"{self.folder.name}: {note.holder} ended without letting go of the run" if note else ""
+        left = f"{self.folder.name}: {note.holder} ended without releasing the run" if note else ""
         return [*remarks, *claim, left]
 
     def _drop_stale_claim(self) -> list[str]:

@@ -197,7 +197,7 @@ def unpack(path: Path, root: Path) -> Run:
     name, files = read_pack(path)
     target = root / name
     if os.path.lexists(target):
-        raise UsageError(f"{target}: is there already: choose another folder with --runs, or set it aside")
+        raise UsageError(f"{target}: exists already: choose another folder with --runs, or set it aside")
     temporary = temporary_name(target)
     try:
         try:

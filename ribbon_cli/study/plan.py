@@ -206,11 +206,11 @@ def plan_of(config: Config, given: tuple[float, int] | None = None) -> Plan:
         stages[-1] = replace(stages[-1], name=words, kind="intermediate")
     cost = sum(_cost(config, s) for s in stages)
     what = "" if config.schedule else " in width"
-    halving = f"a step{what} that fails is halved; what that adds is not counted"
+    halving = f"a step{what} that fails is halved; the additional stages are not counted"
     moving = {goal.name for goal in planned}
     notes = (halving,) if any(stage.name in moving for stage in stages) else ()
     if branch is not None:
-        notes = (*notes, f"a branch takes up to {branch.steps} steps; what they cost is not counted")
+        notes = (*notes, f"a branch takes up to {branch.steps} steps; their cost is not counted")
     return Plan(tuple(stages), cost, (*guess_notes(config), *notes))
 
 

@@ -48,7 +48,7 @@ def refine_state(
     taken: list[str] = []
     run, label, path = resolve_state(root, ref, taken.append)
     if run is None or label is None:
-        raise UsageError(f"{path}: not in a run, and what refine makes joins the state's run")
+        raise UsageError(f"{path}: not in a run: refine adds its results to the state's run")
     record = run.load(label)
     if record.kind == "auxiliary":
         raise UsageError(f"{ref}: an auxiliary state, with prescribed rulings, cannot be refined")
