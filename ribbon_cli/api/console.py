@@ -162,7 +162,7 @@ class Bar(Lines):
         self._task = bar.add_task("", total=None, figures="")
 
     def _begin(self, begun: _Current) -> None:
-        """The bar stands at the stages before it."""
+        """Set the bar to the number of earlier stages."""
         super()._begin(begun)
         heading, stage = visible(begun.heading), begun.stage
         self._bar.update(
@@ -174,18 +174,18 @@ class Bar(Lines):
         self._bar.update(self._task, figures=f"E = {digits.energy(step.energy)}  {step.residual:.1e}")
 
     def _end_stage(self) -> None:
-        """Move the bar on, whether or not the stage leaves a line."""
+        """Advance the bar, whether or not the stage leaves a line."""
         if self._current is not None:
             self._bar.update(self._task, completed=self._current.stage.index)
         super()._end_stage()
 
     def _show_stage(self, current: _Current) -> None:
-        """Only those who want every step want lines that stay."""
+        """Lines stay only with `verbose`."""
         if self._verbose:
             super()._show_stage(current)
 
     def _flush_idle(self) -> None:
-        """The bar stands where it stands."""
+        """The bar does not move."""
         self._idle = []
 
     def _write(self, text: str) -> None:

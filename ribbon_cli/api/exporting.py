@@ -45,7 +45,7 @@ def format_of(form: str | None, path: str | None) -> str:
 
 
 def check_format(form: str, options: exports.formats.Options) -> None:
-    """Refuse an unknown format, and an option that it does not heed. Raises UsageError."""
+    """Refuse an unknown format, and an option that does nothing for it. Raises UsageError."""
     if form not in EXPORT_FORMATS:
         known = f"known: {', '.join(EXPORT_FORMATS)}"
         raise UsageError(f"no format {form!r} ({known}){suggest(form, EXPORT_FORMATS)}")

@@ -1,4 +1,4 @@
-"""A run in hand: its states as tables and grids, one by one, and in pictures."""
+"""An open run: its states as tables and grids, one by one, and in pictures."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def open(run: str | os.PathLike[str] | Run, runs: str | os.PathLike[str] | None 
 
 
 class OpenRun(Run):
-    """A run with its doors for programs and notebooks."""
+    """A run with the methods for programs and notebooks."""
 
     @classmethod
     def of(cls, run: Run) -> Self:

@@ -1,4 +1,4 @@
-"""Files that are about to be written: what speaks against one is said before anything is computed."""
+"""Files that are about to be written: they are checked before anything is computed."""
 
 from __future__ import annotations
 

@@ -69,7 +69,7 @@ def _runs(settings: Settings, first: str, second: str, exact: bool) -> int:
 
 
 def answer(settings: Settings, judgement: report.comparison.Judgement, exact: bool, where: str = "") -> int:
-    """Print one of the three answers with what it rests on, but for JSON; the exit code."""
+    """Print one of the three answers with its reason, except for JSON; return the exit code."""
     if not settings.json:
         emit(f"{judgement.answer}{_reason(judgement, where)}")
     good = ("identical",) if exact else ("identical", "same to rounding")
@@ -86,7 +86,7 @@ def answer_of_pairs(settings: Settings, pairs: Sequence[report.comparison.StateP
 
 
 def _reason(judgement: report.comparison.Judgement, where: str) -> str:
-    """What an answer rests on: the largest relative difference and where it is, or a fact that differs."""
+    """The reason of an answer: the largest relative difference and its place, or a fact that differs."""
     largest, path = judgement.largest_relative_difference, judgement.largest_in
     if judgement.answer == "identical":
         return ""

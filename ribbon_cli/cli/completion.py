@@ -1,6 +1,6 @@
 """Shell completion: what Tab offers, and the scripts that ask for it.
 
-The callbacks run at every press of Tab, on whatever is in the folder: they never raise and never print.
+The callbacks run whenever Tab is pressed, whatever is in the folder: they never raise and never print.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ SHELLS = ("bash", "zsh", "fish")
 _MOST = 500
 """Most candidates that are worth showing."""
 _PLAIN = re.compile(r"[\w.@:=,+-]*")
-"""What no shell takes for more than text; a folder that others have given any other name is not offered."""
+"""Characters that every shell takes as plain text; folders with other names are not offered."""
 
 _BASH = """\
 %(complete_func)s() {
@@ -138,7 +138,7 @@ def _references(ctx: click.Context, incomplete: str) -> Iterator[str]:
         return
     mark = "@" if "@" in incomplete else ":"
     typed = incomplete.partition(mark)[0]
-    # A finished name may be spelled in any way that users may type.
+    # A complete name may be typed in any accepted form.
     name, run = fitting[0] if fitting else (typed, store.find_run(_root(ctx), typed))
     if mark == ":":
         yield from (f"{name}:{label}" for label in run.entries())

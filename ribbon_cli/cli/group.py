@@ -38,7 +38,7 @@ class RibbonGroup(click.Group):
     ) -> None:
         """Run a command line, by default the process's own, and exit."""
         words = list(sys.argv[1:] if args is None else args)
-        # Asked by a shell for completions: there is nobody to read a message.
+        # A shell asks for completions: nobody would read a message.
         completing = "_RIBBON_COMPLETE" in os.environ
         settings = Settings(argv=("ribbon", *words), quiet=completing)
         extra |= {"standalone_mode": False, "obj": settings}
@@ -62,7 +62,7 @@ class RibbonGroup(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Find the command. Raises UsageError with a near miss for one that there is not."""
+        """Find the command. Raises UsageError with a near miss if there is none."""
         if not ctx.resilient_parsing and self.get_command(ctx, args[0]) is None:
             hint = store.suggest(args[0], self.commands) or "; `ribbon --help` lists the commands"
             raise UsageError(f"no such command {args[0]!r}{hint}")

@@ -106,7 +106,7 @@ def _delete(settings: Settings, run: store.Run, yes: bool) -> int:
 
 
 def _agreed(question: str) -> bool:
-    """Ask on standard error; anything but yes, and nobody to answer, is no."""
+    """Ask on standard error; anything but yes is no, and so is no answer."""
     try:
         return click.confirm(question, err=True)
     except (click.Abort, OSError, RuntimeError):  # standard input may be closed

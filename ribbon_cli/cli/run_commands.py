@@ -1,4 +1,4 @@
-"""What is done to whole runs: repair, pack and unpack, rm, path, rerun."""
+"""Commands on whole runs: repair, pack, unpack, path, rerun."""
 
 from __future__ import annotations
 

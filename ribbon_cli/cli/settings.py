@@ -17,7 +17,7 @@ _Command = TypeVar("_Command", bound=Callable[..., Any])
 
 @dataclass
 class Settings:
-    """What the shared options say, and facts on this process.
+    """The values of the shared options, and facts about this process.
 
     `runs` is None unless the option is given. `argv` is the command line, for the provenance. `commits` is
     set by commands that store states: it decides what an interruption's message promises.

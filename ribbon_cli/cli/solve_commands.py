@@ -1,4 +1,4 @@
-"""`ribbon solve` and `ribbon refine`: what stores new states."""
+"""`ribbon solve` and `ribbon refine`: commands that store new states."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def refine(
 
 
 def report(settings: Settings, outcome: study.Outcome) -> int:
-    """Print what came of every target, and name failures on standard error; return the exit code.
+    """Print the result for every target, and name failures on standard error; return the exit code.
 
     The outcome's notes have been shown as they came up; only JSON repeats them.
     """
@@ -89,7 +89,7 @@ def conclude(
     more: str,
     failures: Iterable[str],
 ) -> int:
-    """Print what a study came to, as text or as JSON with its own `document`; return the exit code.
+    """Print the outcome of a study, as text or as JSON with its own `document`; return the exit code.
 
     `more` says which command tells more.
     """

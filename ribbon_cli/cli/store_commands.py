@@ -87,7 +87,7 @@ def _list_states(settings: Settings, ref: str, everything: bool, status: str | N
 
 
 def _known(name: str, word: str | None, known: Iterable[str]) -> None:
-    """Refuse an option's value that can match nothing. Raises UsageError."""
+    """Refuse an option's value that cannot match anything. Raises UsageError."""
     if word is not None and word not in known:
         raise UsageError(f"--{name}: {word!r} is none of {', '.join(known)}{store.suggest(word, known)}")
 
@@ -114,7 +114,7 @@ def show(settings: Settings, ref: str) -> None:
 
 
 def _show_state(settings: Settings, ref: str) -> None:
-    """Show all of a state but its arrays, whole configs in JSON alone."""
+    """Show everything about a state except its arrays; whole configs only in JSON."""
     run, record, path = api.open_state(ref, settings.runs, teller(settings))
     document = {
         **store.Summary.of(record).listed(run.name if run else None),

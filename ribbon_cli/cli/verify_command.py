@@ -1,4 +1,4 @@
-"""`ribbon verify`: whether what is stored is what was committed, and says what its shape says."""
+"""`ribbon verify`: whether files are what was committed, and agree with their shapes."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def document(found: verifying.Verification) -> dict[str, object]:
 
 
 def conclude(settings: Settings, found: verifying.Verification) -> int:
-    """Say in a line how it went; return the exit code."""
+    """Print the result in a line; return the exit code."""
     if not (found.runs or found.states or found.problems):
         say(settings, f"no runs in {settings.root} (see --runs): nothing to verify")
         return 0

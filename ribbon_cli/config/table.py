@@ -1,4 +1,4 @@
-"""The one table of what a config may say; reader, `ribbon schema` and the reference's table follow from it.
+"""The one table of config keys; reader, `ribbon schema` and the reference's table follow from it.
 
 A new key is a row here, and a field of the record in `types.py` that holds it. The keys of recipes are in
 their own files.
@@ -95,7 +95,7 @@ BRANCH = Section((
 ), about="pseudo-arclength continuation in the half-width")
 LEVELS_AT = Section((
     Key("levels", LEVEL_LIST, "numbers of segments", required="the numbers of segments"),
-    # Any number: what the widths do not hold is said of it whatever its size.
+    # Any number: one that is not among the widths is reported whatever its size.
     Key("at", Items(Number(), WIDTH_LIST.at_most, once=True), "half-widths that are refined",
         otherwise="all"),
 ))
