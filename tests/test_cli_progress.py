@@ -83,8 +83,9 @@ def test_stages_of_an_unknown_number_are_counted_without_it(stderr):
     shown = module.Lines()
     for index in (1, 2, 3):
         shown(Stage(f"branch from 8 up, step {index}", index, 0, 0.5, 50))
-        shown(Step(index - 1, 1.0, 1e-12))
+        shown(Step(index - 1, 1.0, 1e-12, 0.5, "shear = 0.12" if index == 3 else ""))
     shown.done()
+    assert ": b = 0.5, shear = 0.12, N = 50: E = " in stream.getvalue().splitlines()[2]
     assert [line.split(":")[0] for line in stream.getvalue().splitlines()] == [
         "[1] branch from 8 up, step 1",
         "[2] branch from 8 up, step 2",

@@ -69,7 +69,8 @@ class _Current:
     def heading(self) -> str:
         """Which of how many stages this is, and where it is."""
         stage, found = self.stage, None if self.last is None else self.last.half_width
-        place = f"b = {stage.half_width if found is None else found:g}, N = {stage.segments}"
+        moved = f", {self.last.place}" if self.last and self.last.place else ""
+        place = f"b = {stage.half_width if found is None else found:g}{moved}, N = {stage.segments}"
         # Some stages are named by where they end.
         name = "" if stage.name.startswith("b = ") else f"{stage.name}: "
         return f"{stage.count} {name}{place}"

@@ -30,12 +30,17 @@ class Stage:
 
 @dataclass(frozen=True)
 class Step:
-    """A Newton step of the stage was taken; `half_width` is given where only the step has found it."""
+    """A Newton step of the stage was taken.
+
+    `half_width` is given where only the step has found it, and `place`, as `shear = 0.12`, where a branch is
+    followed in another parameter.
+    """
 
     iteration: int
     energy: float
     residual: float
     half_width: float | None = None
+    place: str = ""
 
     def __str__(self) -> str:
         return f"step {self.iteration}: E = {digits.energy(self.energy)}, residual {self.residual:.1e}"
