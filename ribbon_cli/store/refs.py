@@ -61,7 +61,7 @@ def find_run(root: str | Path, text: str) -> Run:
     if fitting:
         raise UsageError(
             f"{text!r} names more than one run: {_join(run.name for run in fitting)}; "
-            "`ribbon check CONFIG` tells which is a config's"
+            "write more of its name; `ribbon check CONFIG` tells which is a config's"
         )
     if not runs:
         raise UsageError(f"no run {text!r}: there are no runs in {root} (see --runs)")
