@@ -314,7 +314,7 @@ def test_a_state_outside_of_a_run_is_drawn_and_not_refined(stored, tmp_path):
     assert repr(state).startswith("<state state 2, b = 1, N = 10")
     with pytest.raises(UsageError, match="not in a run: refine adds its results"):
         state.refine(20)
-    with pytest.raises(UsageError, match="not in a run, and what follow makes joins"):
+    with pytest.raises(UsageError, match="not in a run: follow adds its results"):
         state.follow(2.0)
 
 
