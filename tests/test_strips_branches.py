@@ -22,6 +22,7 @@ from ribbon_cli.solver.branch_events import Event
 from ribbon_cli.solver.branch_switch import switch
 from ribbon_cli.solver.status import Result, Status
 from ribbon_cli.study import solve_config
+from ribbon_cli.study.progress import Step
 
 
 @lru_cache
@@ -102,8 +103,10 @@ spectrum: {modes: 1, full_up_to: 0}
 
 @pytest.mark.slow
 def test_a_schedule_ends_in_a_branch_that_is_left_to_both_sides(tmp_path: Path) -> None:
-    outcome = solve_config(parse_config(SHEARED, "sheared.yaml"), tmp_path)
+    told: list[object] = []
+    outcome = solve_config(parse_config(SHEARED, "sheared.yaml"), tmp_path, progress=told.append)
     assert outcome.exit_code == 0
+    assert any(isinstance(event, Step) and event.place.startswith("shear = 0.12") for event in told)
     main, *others = outcome.branches
     crossings = [point for point in main.points if point.type == "branch-point"]
     assert [(point.index_before, point.index_after) for point in crossings] == [(0, 1)]

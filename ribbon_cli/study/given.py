@@ -130,7 +130,9 @@ def _closed(state: State, ref: str) -> tuple[State, Event | None]:
         return state, None
     apart = f"its ends are {significant(gap, 3)} of its length apart"
     if gap > OPEN:
-        raise UsageError(f"{ref}: not a closed band: {apart}, and up to {OPEN:g} is mended: close it first")
+        raise UsageError(
+            f"{ref}: not a closed band: {apart}, and up to {OPEN:g} is closed automatically: close it first"
+        )
     try:
         folding = close(from_state(state), state.band.sigma)
         closed = to_state(state.band, folding, facet_frames(state)[0])
