@@ -63,6 +63,8 @@ class Beside:
         """
         with self._changed:
             self._changed.wait_for(lambda: self._waiting < MOST_WAITING or self._error is not None)
+            if self._error is not None:  # told when those behind it are dropped: none may be committed
+                self._changed.wait_for(lambda: self._waiting == 0)
             self._raise()
             self._waiting += 1
         self._jobs.put((label, make))
