@@ -21,8 +21,8 @@ ONE_THREAD = dict.fromkeys(
     ),
     "1",
 )
-"""Environment for BLAS, which reads it when it is loaded: the number of threads decides the order of summation,
-hence the bytes of the results."""
+"""Environment for BLAS, which reads it when it is loaded: the number of threads decides the order of
+summation, hence the bytes of the results."""
 _MOMENT = 0.01
 """Seconds, enough to be out of a callback."""
 
