@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
 from ribbon_cli import api
+from ribbon_cli.api.console import to_standard_error
 from ribbon_cli.api.opening import path_text, runs_text
+from ribbon_cli.api.sweep_console import sweep_console
 from ribbon_cli.config import Point, load_sweep
 from ribbon_cli.errors import UsageError
-from ribbon_cli.store import find_sweep, list_sweeps, runs_root, suggest
+from ribbon_cli.store import find_sweep, keep_sweep, list_sweeps, record_of, runs_root, suggest
+from ribbon_cli.sweeps import SweepEvent, SweepOutcome, executor_for, run_sweep, what_is_left
 
 
 @dataclass(frozen=True)
@@ -35,6 +40,47 @@ class OpenSweep:
     def keys(self) -> tuple[str, ...]:
         """The keys that vary."""
         return tuple(key for group in self.groups for key in group)
+
+
+def sweep(
+    path: str | os.PathLike[str],
+    runs: str | os.PathLike[str] | None = None,
+    *,
+    workers: int | None = None,
+    dask: str | None = None,
+    retry: bool = False,
+    progress: Callable[[SweepEvent], object] | bool | None = None,
+) -> SweepOutcome:
+    """Run every point of SWEEP.yaml, or those that are left, as `ribbon sweep` does.
+
+    `workers` and `dask` are as there: worker processes, by default one a processor; or `local`, the address
+    of a scheduler, or a settings file. Points that failed are tried again with `retry`. `progress` is a
+    callable that gets every event, True for the progress of the command line, None for silence. Points that
+    failed are in the outcome and raise nothing; ConfigError, UsageError, StoreError are raised.
+    """
+    root = runs_root(runs_text(runs))
+    loaded = load_sweep(path_text("path", path))
+    everything = range(len(loaded.points))
+    left = what_is_left(loaded, record_of(root, loaded), root, everything, retry, sys.argv)
+    record = keep_sweep(root, loaded)
+    with executor_for(left, workers, dask) as executor, _watched(progress) as shown:
+        return run_sweep(record, left, everything, executor, shown)
+
+
+@contextmanager
+def _watched(
+    progress: Callable[[SweepEvent], object] | bool | None,
+) -> Iterator[Callable[[SweepEvent], object]]:
+    """Who hears of a sweep. Raises TypeError for what is no watcher."""
+    if progress is True:
+        with sweep_console(False, to_standard_error) as shown:
+            yield shown
+    elif progress is None or progress is False:
+        yield lambda _: None
+    elif callable(progress):
+        yield progress
+    else:
+        raise TypeError(f"progress must be a callable, True or None, got {type(progress).__name__}")
 
 
 def points(sweep: str | os.PathLike[str]) -> tuple[Point, ...]:
