@@ -15,7 +15,6 @@ from ribbon_cli.config.schedule import half_widths_of, schedule
 from ribbon_cli.config.table import CONFIG, NAME, SPECTRUM
 from ribbon_cli.config.types import Arclength, Config, Leg, SpectrumRequest
 
-
 _OF_SWEEPS = {"vary": "makes this a sweep: `ribbon sweep` runs it"}
 
 
