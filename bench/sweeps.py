@@ -103,7 +103,7 @@ def main() -> int:
             f"{dask / two:.2f} times as long as they do (at most {SLOWER:g}).",
             f"The states' bytes are {'equal' if same else 'NOT equal'} in all three.",
             "",
-            f"A sweep of 1000 runs of one state each; once it is done at most {LIMIT:g} seconds, and {MEMORY:g} MiB:",
+            f"A sweep of 1000 runs of a state each; once done at most {LIMIT:g} seconds, and {MEMORY:g} MiB:",
             "",
             "| command | seconds | MiB of the controlling process |",
             "|---|---|---|",
