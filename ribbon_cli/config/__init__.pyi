@@ -1,10 +1,15 @@
 from ..recipes import RECIPES as RECIPES
+from .cluster import Cluster as Cluster
+from .cluster import load_cluster as load_cluster
 from .json_schema import SCHEMA_FILE as SCHEMA_FILE
 from .json_schema import schema as schema
 from .mistakes import ConfigError as ConfigError
 from .mistakes import Mistake as Mistake
 from .parse import load_config as load_config
 from .parse import parse_config as parse_config
+from .sweep import load_sweep as load_sweep
+from .sweep_types import Point as Point
+from .sweep_types import Sweep as Sweep
 from .template_files import about_template as about_template
 from .template_files import template as template
 from .template_files import templates as templates

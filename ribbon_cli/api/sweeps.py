@@ -1,0 +1,102 @@
+"""Sweeps for programs: the points that a file gives, and the runs that they have."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+from ribbon_cli import api
+from ribbon_cli.api.console import to_standard_error
+from ribbon_cli.api.opening import path_text, runs_text
+from ribbon_cli.api.sweep_console import sweep_console
+from ribbon_cli.config import Point, load_sweep
+from ribbon_cli.errors import UsageError
+from ribbon_cli.store import find_sweep, keep_sweep, list_sweeps, record_of, runs_root, suggest
+from ribbon_cli.sweeps import SweepEvent, SweepOutcome, executor_for, run_sweep, what_is_left
+
+
+@dataclass(frozen=True)
+class OpenPoint:
+    """A point of a sweep: the values that vary, by dotted key, and its run, None where there is none yet."""
+
+    name: str
+    values: Mapping[str, Any]
+    run: api.OpenRun | None
+
+
+@dataclass(frozen=True)
+class OpenSweep:
+    """A sweep's points in order; `groups` are the keys that go together."""
+
+    name: str
+    groups: tuple[tuple[str, ...], ...]
+    points: tuple[OpenPoint, ...]
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """The keys that vary."""
+        return tuple(key for group in self.groups for key in group)
+
+
+def sweep(
+    path: str | os.PathLike[str],
+    runs: str | os.PathLike[str] | None = None,
+    *,
+    workers: int | None = None,
+    dask: str | None = None,
+    retry: bool = False,
+    progress: Callable[[SweepEvent], object] | bool | None = None,
+) -> SweepOutcome:
+    """Run every point of SWEEP.yaml, or those that are left, as `ribbon sweep` does.
+
+    `workers` and `dask` are as there: worker processes, by default one a processor; or `local`, the address
+    of a scheduler, or a settings file. Points that failed are tried again with `retry`. `progress` is a
+    callable that gets every event, True for the progress of the command line, None for silence. Points that
+    failed are in the outcome and raise nothing; ConfigError, UsageError, StoreError are raised.
+    """
+    root = runs_root(runs_text(runs))
+    loaded = load_sweep(path_text("path", path))
+    everything = range(len(loaded.points))
+    left = what_is_left(loaded, record_of(root, loaded), root, everything, retry, sys.argv)
+    record = keep_sweep(root, loaded)
+    with executor_for(left, workers, dask) as executor, _watched(progress) as shown:
+        return run_sweep(record, left, everything, executor, shown)
+
+
+@contextmanager
+def _watched(
+    progress: Callable[[SweepEvent], object] | bool | None,
+) -> Iterator[Callable[[SweepEvent], object]]:
+    """Who hears of a sweep. Raises TypeError for what is no watcher."""
+    if progress is True:
+        with sweep_console(False, to_standard_error) as shown:
+            yield shown
+    elif progress is None or progress is False:
+        yield lambda _: None
+    elif callable(progress):
+        yield progress
+    else:
+        raise TypeError(f"progress must be a callable, True or None, got {type(progress).__name__}")
+
+
+def points(sweep: str | os.PathLike[str]) -> tuple[Point, ...]:
+    """The points that SWEEP.yaml gives: each its values and its config. Raises ConfigError, TypeError."""
+    return load_sweep(path_text("sweep", sweep)).points
+
+
+def open_sweep(name: str, runs: str | os.PathLike[str] | None = None) -> OpenSweep:
+    """The sweep that has been run, or begun, under a name, with the runs that its points have.
+
+    `runs` is the folder of the runs, by default RIBBON_RUNS, else ./runs. Raises UsageError where there is no
+    such sweep, StoreError for a damaged record, TypeError for arguments of other types.
+    """
+    root = runs_root(runs_text(runs))
+    record = find_sweep(root, path_text("name", name))
+    if record is None:
+        raise UsageError(f"no sweep {name!r} in {root}{suggest(name, list_sweeps(root))}")
+    found = (OpenPoint(p.name, p.values, api.OpenRun(p.path) if p.exists else None) for p in record.points)
+    return OpenSweep(record.name, record.groups, tuple(found))
