@@ -15,7 +15,17 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from ribbon_cli.api import Followed, OpenRun, OpenState, Spectrum, load_state, solve
+    from ribbon_cli.api import (
+        Followed,
+        OpenRun,
+        OpenState,
+        OpenSweep,
+        Spectrum,
+        load_state,
+        open_sweep,
+        points,
+        solve,
+    )
     from ribbon_cli.api import open as open
     from ribbon_cli.config import Config, load_config
     from ribbon_cli.errors import RibbonError, RibbonWarning
@@ -27,6 +37,7 @@ __all__ = [
     "Followed",
     "OpenRun",
     "OpenState",
+    "OpenSweep",
     "Outcome",
     "RibbonError",
     "RibbonWarning",
@@ -35,6 +46,8 @@ __all__ = [
     "StateRecord",
     "load_config",
     "load_state",
+    "open_sweep",
+    "points",
     "solve",
 ]
 """What `from ribbon_cli import *` brings: not `open`, which is Python's own there."""
@@ -44,6 +57,7 @@ _HOMES = {
     "Followed": "api",
     "OpenRun": "api",
     "OpenState": "api",
+    "OpenSweep": "api",
     "Outcome": "study",
     "RibbonError": "errors",
     "RibbonWarning": "errors",
@@ -53,6 +67,8 @@ _HOMES = {
     "load_config": "config",
     "load_state": "api",
     "open": "api",
+    "open_sweep": "api",
+    "points": "api",
     "solve": "api",
 }
 

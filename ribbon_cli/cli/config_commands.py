@@ -81,7 +81,10 @@ def check(settings: Settings, config: str) -> None:
         loaded = configs.load_config(config)
     except configs.ConfigError as error:
         if settings.json:
-            problems = [asdict(mistake) for mistake in error.mistakes]
+            problems = [
+                {"line": found.line, "column": found.column, "field": found.field, "message": found.message}
+                for found in error.mistakes
+            ]
             emit_json({"valid": False, "path": config, "problems": problems})
         raise
     _show_plan(settings, loaded)

@@ -5,6 +5,9 @@ from .mistakes import ConfigError as ConfigError
 from .mistakes import Mistake as Mistake
 from .parse import load_config as load_config
 from .parse import parse_config as parse_config
+from .sweep import load_sweep as load_sweep
+from .sweep_types import Point as Point
+from .sweep_types import Sweep as Sweep
 from .template_files import template as template
 from .template_files import templates as templates
 from .types import STOPS as STOPS

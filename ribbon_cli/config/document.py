@@ -43,7 +43,8 @@ class Node:
 
     A scalar has its `text` and whether it was `quoted` (a block scalar counts as such); a list its
     `items`; a mapping its keys and values, alternating, in `items`. An "invalid" node stands for one
-    about which a mistake has been recorded already: readers pass over it in silence.
+    about which a mistake has been recorded already: readers pass over it in silence. `file` is where it
+    stands, where that is another file than the one that is read.
     """
 
     line: int
@@ -52,6 +53,7 @@ class Node:
     text: str = ""
     quoted: bool = False
     items: list[Node] = field(default_factory=list)
+    file: str = ""
 
 
 class _StopReading(Exception):  # noqa: N818  (not an error: the mistake is on record)

@@ -20,12 +20,14 @@ class Mistake:
 
     `line` and `column` count from 1; both are 0 where the whole file is meant (it does not exist).
     `field` is the path of the offending key (`widths[2]`, `spectrum.modes`), empty where there is none.
+    `file` is where it is, where that is another file than the one that is read.
     """
 
     line: int
     column: int
     field: str
     message: str
+    file: str = ""
 
 
 class ConfigError(UsageError):
@@ -40,11 +42,11 @@ class ConfigError(UsageError):
         super().__init__(path, self.mistakes)
 
     def __str__(self) -> str:
-        file = self.path if self.path.isprintable() else ascii(self.path)
-        return "\n".join(_line(file, mistake) for mistake in self.mistakes)
+        return "\n".join(_line(mistake.file or self.path, mistake) for mistake in self.mistakes)
 
 
-def _line(file: str, mistake: Mistake) -> str:
+def _line(path: str, mistake: Mistake) -> str:
+    file = path if path.isprintable() else ascii(path)
     where = f"{file}:{mistake.line}:{mistake.column}" if mistake.line else file
     return f"{where}: {mistake.field}: {mistake.message}" if mistake.field else f"{where}: {mistake.message}"
 
@@ -56,9 +58,9 @@ class Mistakes:
         self.path = path
         self.found: list[Mistake] = []
 
-    def add(self, line: int, column: int, field: str, message: str) -> None:
+    def add(self, line: int, column: int, field: str, message: str, file: str = "") -> None:
         """Record a mistake; raises `ConfigError` when `MOST_MISTAKES` are reached."""
-        self.found.append(Mistake(line, column, field, message))
+        self.found.append(Mistake(line, column, field, message, file))
         if len(self.found) >= MOST_MISTAKES:
             raise self.error()
 

@@ -19,14 +19,17 @@ from ribbon_cli.config.types import Arclength, Config, Leg, SpectrumRequest
 def load_config(path: str | os.PathLike[str]) -> Config:
     """Read and check the config at `path`. Raises ConfigError with everything that is wrong."""
     file = os.fsdecode(path)
-    mistakes = Mistakes(file)
+    return parse_config(read_text(file, Mistakes(file)), file)
+
+
+def read_text(file: str, mistakes: Mistakes) -> str:
+    """The text of a file. Raises ConfigError where it cannot be read."""
     data = _read(file, mistakes)
     try:
-        text = data.decode("utf-8")
+        return data.decode("utf-8")
     except UnicodeDecodeError as error:
         _report_not_utf8(data, error.start, mistakes)
         raise mistakes.error() from None
-    return parse_config(text, file)
 
 
 def parse_config(text: str, path: str | os.PathLike[str]) -> Config:
@@ -39,6 +42,11 @@ def parse_config(text: str, path: str | os.PathLike[str]) -> Config:
     root = read_document(text, mistakes)
     if root is None:
         raise mistakes.error()
+    return config_of(root, mistakes, text, path)
+
+
+def config_of(root: Node, mistakes: Mistakes, text: str, path: str) -> Config:
+    """Check a config given as a tree. Raises ConfigError with everything that is wrong."""
     reader = Reader(mistakes)
     found = reader.section(root, "", CONFIG)
     top = found.nodes

@@ -59,7 +59,7 @@ class Reader:
 
     def report(self, node: Node, field: str, message: str) -> None:
         """Record a mistake at `node`."""
-        self._mistakes.add(node.line, node.column, field, message)
+        self._mistakes.add(node.line, node.column, field, message, node.file)
 
     def section(self, node: Node, field: str, section: Section, refused: Mapping[str, str] = _NONE) -> Found:
         """The values of a section by key; none where the node is no mapping.

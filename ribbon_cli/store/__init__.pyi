@@ -28,3 +28,8 @@ from .run import Run as Run
 from .summaries import BranchSummary as BranchSummary
 from .summaries import Summary as Summary
 from .summaries import varying as varying
+from .sweeps import SweepPoint as SweepPoint
+from .sweeps import SweepRecord as SweepRecord
+from .sweeps import find_sweep as find_sweep
+from .sweeps import keep_sweep as keep_sweep
+from .sweeps import list_sweeps as list_sweeps

@@ -1,0 +1,56 @@
+"""Sweeps for programs: the points that a file gives, and the runs that they have."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from ribbon_cli import api
+from ribbon_cli.api.opening import path_text, runs_text
+from ribbon_cli.config import Point, load_sweep
+from ribbon_cli.errors import UsageError
+from ribbon_cli.store import find_sweep, list_sweeps, runs_root, suggest
+
+
+@dataclass(frozen=True)
+class OpenPoint:
+    """A point of a sweep: the values that vary, by dotted key, and its run, None where there is none yet."""
+
+    name: str
+    values: Mapping[str, Any]
+    run: api.OpenRun | None
+
+
+@dataclass(frozen=True)
+class OpenSweep:
+    """A sweep's points in order; `groups` are the keys that go together."""
+
+    name: str
+    groups: tuple[tuple[str, ...], ...]
+    points: tuple[OpenPoint, ...]
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """The keys that vary."""
+        return tuple(key for group in self.groups for key in group)
+
+
+def points(sweep: str | os.PathLike[str]) -> tuple[Point, ...]:
+    """The points that SWEEP.yaml gives: each its values and its config. Raises ConfigError, TypeError."""
+    return load_sweep(path_text("sweep", sweep)).points
+
+
+def open_sweep(name: str, runs: str | os.PathLike[str] | None = None) -> OpenSweep:
+    """The sweep that has been run, or begun, under a name, with the runs that its points have.
+
+    `runs` is the folder of the runs, by default RIBBON_RUNS, else ./runs. Raises UsageError where there is no
+    such sweep, StoreError for a damaged record, TypeError for arguments of other types.
+    """
+    root = runs_root(runs_text(runs))
+    record = find_sweep(root, path_text("name", name))
+    if record is None:
+        raise UsageError(f"no sweep {name!r} in {root}{suggest(name, list_sweeps(root))}")
+    found = (OpenPoint(p.name, p.values, api.OpenRun(p.path) if p.exists else None) for p in record.points)
+    return OpenSweep(record.name, record.groups, tuple(found))
