@@ -1,0 +1,123 @@
+"""An equilibrium on a mesh with twice as many facets: met again there, lost, or neither."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..model.band import State
+from ..model.folding import ClosureError
+from ..model.problem import Problem
+from ..solver.arclength import nearest
+from ..solver.climbing import climb
+from ..solver.continuation import to_segments
+from ..solver.kinship import another_minimum
+from ..solver.newton import Options
+from ..solver.prolongation import phase_of, smooth
+from ..solver.status import Result
+from ..study.acceptance import checked, converged
+from .explore import options_from
+from .shapes import Shape, distance
+
+MOST_APART = 0.3
+"""Distance from mesh to mesh up to which a state may be the same equilibrium. The everted pi bands at
+b = 0.15, N = 48 and 96 are 0.1 to 0.15 apart."""
+NEAR_ENERGY = 0.1
+"""Relative change of energy up to which it may: pi bands at b = 0.1 change by 0.02 from N = 48 to 96."""
+CLIMBED = 200
+"""Most segments at which a saddle is climbed to, by dense algebra, where Newton's method does not come to it."""
+MET, LOST, FAILED = "met", "lost", "failed"
+"""Met again; led to something else; led to nothing that converged."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """An equilibrium to follow to a mesh."""
+
+    state: State
+    energy: float
+    index: int
+    segments: int
+    half_twists: int
+
+
+@dataclass(frozen=True)
+class Followed:
+    """What came of it: the state where it was met, how far that is from the coarser one, and in words what was
+    found instead where it was not.
+    """
+
+    word: str
+    result: Result | None = None
+    distance: float | None = None
+    why: str = ""
+
+
+def follow(task: Task) -> Followed:
+    """An equilibrium on a finer mesh; of several places there that of the lowest index."""
+    coarse = Shape(task.state, task.energy, task.index)
+    options = options_from(task.state, task.half_twists)
+    others: list[str] = []
+    met: list[tuple[int, float, Result]] = []
+    tried: list[str] = []
+    for result in _ways(task, options):
+        fine = Shape.of(checked(result, task.half_twists))
+        if fine is None:
+            tried.append(result.status.value)
+            continue
+        apart = distance(task.state, fine.state)
+        why = _other(coarse, fine, apart, options)
+        if why:
+            others.append(why)
+            continue
+        met.append((fine.index, apart, result))
+        if fine.index <= task.index:
+            break
+    if met:
+        _, apart, result = min(met, key=lambda one: one[:2])
+        return Followed(MET, result, apart)
+    if others:
+        return Followed(LOST, why=others[0])
+    return Followed(FAILED, why=", ".join(dict.fromkeys(tried)))
+
+
+def _ways(task: Task, options: Options) -> Iterator[Result]:
+    """Where an equilibrium may be on a finer mesh, the likeliest first."""
+    if task.index == 0:
+        try:
+            yield to_segments(task.state, task.segments, options).result
+        except ClosureError:
+            pass
+    starts = list(_starts(task))
+    for start in starts:
+        yield nearest(start, options.guard)
+    if task.segments <= CLIMBED and task.index > 0:
+        for start in starts[:1]:
+            yield climb(Problem(start.band), start.vector(), task.index, options.guard)
+
+
+def _starts(task: Task) -> Iterator[State]:
+    """The shape on the finer mesh, with its inflections where they lie on the coarser and then elsewhere."""
+    here = phase_of(task.state)
+    phases = (here, *(phase for phase in type(here) if phase is not here)) if task.state.band.closed else (here,)
+    for phase in phases:
+        try:
+            yield smooth(task.state, task.segments, phase).state
+        except (ClosureError, np.linalg.LinAlgError):
+            continue
+
+
+def _other(coarse: Shape, fine: Shape, apart: float, options: Options) -> str:
+    """Why a state on a finer mesh is another equilibrium; empty where it may be the same."""
+    if fine.inflections != coarse.inflections:
+        return f"{fine.inflections} inflections"
+    if abs(fine.energy - coarse.energy) > NEAR_ENERGY * abs(coarse.energy):
+        return f"E = {fine.energy:.9g}"
+    if apart > MOST_APART:
+        return f"another shape, {apart:.2g} away"
+    if coarse.index == 0 and fine.index == 0:
+        kin = another_minimum(coarse.state, fine.state, options)
+        return "" if kin is None else str(kin)
+    return f"index {fine.index}" if abs(fine.index - coarse.index) > 1 else ""
