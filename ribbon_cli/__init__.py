@@ -25,6 +25,7 @@ if TYPE_CHECKING:
         open_sweep,
         points,
         solve,
+        survey,
     )
     from ribbon_cli.api import open as open
     from ribbon_cli.config import Config, load_config
@@ -49,6 +50,7 @@ __all__ = [
     "open_sweep",
     "points",
     "solve",
+    "survey",
 ]
 """What `from ribbon_cli import *` brings: not `open`, which is Python's own there."""
 
@@ -70,6 +72,7 @@ _HOMES = {
     "open_sweep": "api",
     "points": "api",
     "solve": "api",
+    "survey": "api",
 }
 
 

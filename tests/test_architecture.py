@@ -39,6 +39,7 @@ RANKS = {
     "study": 7,
     "analysis": 8,
     "verify": 8,
+    "surveys": 8,
     "pages": 9,
     "api": 10,
     "cli": 11,

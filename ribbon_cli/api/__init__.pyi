@@ -14,6 +14,7 @@ from .run import OpenRun as OpenRun
 from .run import open as open
 from .spectrum import Spectrum as Spectrum
 from .state import OpenState as OpenState
+from .surveying import survey as survey
 from .sweeps import OpenPoint as OpenPoint
 from .sweeps import OpenSweep as OpenSweep
 from .sweeps import open_sweep as open_sweep

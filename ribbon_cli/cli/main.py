@@ -26,6 +26,7 @@ from ribbon_cli.cli.settings import Settings, common_options, pass_settings
 from ribbon_cli.cli.solve_commands import refine, solve
 from ribbon_cli.cli.spectrum_command import spectrum
 from ribbon_cli.cli.store_commands import ls, show
+from ribbon_cli.cli.survey_command import survey
 from ribbon_cli.cli.table_command import convergence_table
 from ribbon_cli.cli.verify_command import verify
 from ribbon_cli.errors import UsageError
@@ -101,7 +102,7 @@ def completion(settings: Settings, shell: str | None) -> None:
 
 
 _COMMANDS = (
-    *(init, check, solve, refine, continue_, convergence_table, spectrum),
+    *(init, check, solve, refine, continue_, survey, convergence_table, spectrum),
     *(ls, show, compare, path, verify, repair, rerun, pack, unpack, rm),
     *(plot, export, report_page, schema, completion),
 )

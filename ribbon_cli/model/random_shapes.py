@@ -87,14 +87,20 @@ def _units(band: Band, half_twists: int, rng: np.random.Generator) -> tuple[Arra
     ends = np.sort(rng.uniform(size=count))
     while min(*np.diff(ends), 1.0 - (ends[-1] - ends[0])) < NEAREST_INFLECTIONS / count:
         ends = np.sort(rng.uniform(size=count))
-    bend, skew, turn = rng.uniform(0.5, 1.5, count), 0.8 * rng.normal(size=count), 0.8 * rng.normal(size=count)
+    bend, skew, turn = (
+        rng.uniform(0.5, 1.5, count),
+        0.8 * rng.normal(size=count),
+        0.8 * rng.normal(size=count),
+    )
     s = (np.arange(band.segments) + 0.5) / band.segments
     unit = np.searchsorted(ends, s) - 1
     # Before the first inflection is the last unit, on a one-sided band seen from its other side.
     side = np.where(unit < 0, float(band.sigma), 1.0)
     last = count - 1
     start = np.where(unit < 0, ends[last] - 1.0, ends[unit])
-    stop = np.where(unit < 0, ends[0], np.where(unit == last, ends[0] + 1.0, ends[np.minimum(unit + 1, last)]))
+    stop = np.where(
+        unit < 0, ends[0], np.where(unit == last, ends[0] + 1.0, ends[np.minimum(unit + 1, last)])
+    )
     unit %= count
     t = np.pi * (s - start) / (stop - start)
     kappa = side * (-1.0) ** unit * bend[unit] * np.sin(t)

@@ -38,7 +38,7 @@ MOST_CORRECTIONS = 8
 def climb(
     problem: Problem, x: Array, modes: int, guard: Guard | None = None, most_steps: int = MOST_STEPS
 ) -> Result:
-    """The stationary point met from x (7N,) by climbing so many of the lowest modes; its index may be another.
+    """The stationary point met from x (7N,) by climbing so many of the lowest modes, mostly of that index.
 
     `guard` says what is wrong with a state on the way. Nothing is raised: the result says how it ended.
     """

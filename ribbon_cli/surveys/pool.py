@@ -119,7 +119,7 @@ def _serve(connection: Connection, work: Callable[[Any], Any]) -> None:
             return
         try:
             answer = (False, work(task))
-        except Exception as error:  # whatever it is, it is raised where the result is asked for
+        except Exception as error:  # noqa: BLE001  (raised where the result is asked for)
             answer = (True, error)
         try:
             connection.send(answer)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,12 +13,12 @@ from ..model.folding import ClosureError
 from ..model.problem import Problem
 from ..solver.arclength import nearest
 from ..solver.climbing import climb
-from ..solver.continuation import to_segments
+from ..solver.continuation import TRACKING_STEPS, to_segments
 from ..solver.kinship import another_minimum
-from ..solver.newton import Options
+from ..solver.newton import Options, solve
 from ..solver.prolongation import phase_of, smooth
 from ..solver.status import Result
-from ..study.acceptance import checked, converged
+from ..study.acceptance import checked
 from .explore import options_from
 from .shapes import Shape, distance
 
@@ -27,7 +28,7 @@ b = 0.15, N = 48 and 96 are 0.1 to 0.15 apart."""
 NEAR_ENERGY = 0.1
 """Relative change of energy up to which it may: pi bands at b = 0.1 change by 0.02 from N = 48 to 96."""
 CLIMBED = 200
-"""Most segments at which a saddle is climbed to, by dense algebra, where Newton's method does not come to it."""
+"""Most segments at which a saddle is climbed to, by dense algebra, where Newton's method does not get there."""
 MET, LOST, FAILED = "met", "lost", "failed"
 """Met again; led to something else; led to nothing that converged."""
 
@@ -45,8 +46,8 @@ class Task:
 
 @dataclass(frozen=True)
 class Followed:
-    """What came of it: the state where it was met, how far that is from the coarser one, and in words what was
-    found instead where it was not.
+    """What came of it: the state where it was met, how far that is from the coarser one, and in words what
+    was found instead where it was not.
     """
 
     word: str
@@ -62,9 +63,9 @@ def follow(task: Task) -> Followed:
     others: list[str] = []
     met: list[tuple[int, float, Result]] = []
     tried: list[str] = []
-    for result in _ways(task, options):
+    for result, fled in _ways(task, options):
         fine = Shape.of(checked(result, task.half_twists))
-        if fine is None:
+        if fine is None or (fled and fine.index < task.index):
             tried.append(result.status.value)
             continue
         apart = distance(task.state, fine.state)
@@ -83,25 +84,32 @@ def follow(task: Task) -> Followed:
     return Followed(FAILED, why=", ".join(dict.fromkeys(tried)))
 
 
-def _ways(task: Task, options: Options) -> Iterator[Result]:
-    """Where an equilibrium may be on a finer mesh, the likeliest first."""
+def _ways(task: Task, options: Options) -> Iterator[tuple[Result, bool]]:
+    """Where an equilibrium may be on a finer mesh, the likeliest first; and whether the way there flees from
+    saddles, so that it proves nothing of one to have led elsewhere.
+    """
     if task.index == 0:
-        try:
-            yield to_segments(task.state, task.segments, options).result
-        except ClosureError:
-            pass
+        with suppress(ClosureError):
+            yield to_segments(task.state, task.segments, options).result, False
     starts = list(_starts(task))
     for start in starts:
-        yield nearest(start, options.guard)
-    if task.segments <= CLIMBED and task.index > 0:
+        yield nearest(start, options.guard), False
+    if task.index == 0:
+        return
+    staying = replace(options, leave_saddles=0, max_steps=TRACKING_STEPS)
+    for start in starts:
+        yield solve(Problem(start.band), start.vector(), None, staying), True
+    if task.segments <= CLIMBED:
         for start in starts[:1]:
-            yield climb(Problem(start.band), start.vector(), task.index, options.guard)
+            yield climb(Problem(start.band), start.vector(), task.index, options.guard), False
 
 
 def _starts(task: Task) -> Iterator[State]:
     """The shape on the finer mesh, with its inflections where they lie on the coarser and then elsewhere."""
     here = phase_of(task.state)
-    phases = (here, *(phase for phase in type(here) if phase is not here)) if task.state.band.closed else (here,)
+    phases = (
+        (here, *(phase for phase in type(here) if phase is not here)) if task.state.band.closed else (here,)
+    )
     for phase in phases:
         try:
             yield smooth(task.state, task.segments, phase).state

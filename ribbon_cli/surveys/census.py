@@ -1,8 +1,8 @@
 """How complete a survey is: what the numbers of hits say of equilibria that were not met.
 
 Equilibria are the species of ecology, and ends of ways from random starts the individuals. The estimates
-are lower bounds where some equilibria are much rarer than others: of those that are met with next to no chance
-nothing is known.
+are lower bounds where some equilibria are much rarer than others: of those that are met with next to no
+chance nothing is known.
 """
 
 from __future__ import annotations
@@ -45,8 +45,8 @@ def estimate(counts: Sequence[int]) -> Estimate | None:
 
 
 def _ace(counts: Sequence[int]) -> float | None:
-    """The abundance-based coverage estimator, Chao & Lee (1992), J. Am. Stat. Assoc. 87, 210, as given by Chazdon
-    et al. (1998)."""
+    """The abundance-based coverage estimator of Chao & Lee (1992), J. Am. Stat. Assoc. 87, 210, with rare
+    and common ones apart."""
     rare = [count for count in counts if count <= RARE]
     common, once, size = len(counts) - len(rare), rare.count(1), sum(rare)
     if not rare:

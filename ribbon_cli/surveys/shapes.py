@@ -81,7 +81,7 @@ class Shape:
         )
 
     def slid(self, guard: Guard | None) -> list[Shape]:
-        """What becomes of it slid to either place on the mesh and settled, where that may be the same band."""
+        """What becomes of it slid to either place on the mesh and settled, if that may be the same band."""
         if not self.state.band.closed:
             return []
         found = []
@@ -97,7 +97,7 @@ class Shape:
 
 
 def apart(state: State, other: State) -> float:
-    """Root mean square of (u, g) between two states of one band as near to each other as they can be brought."""
+    """Root mean square of (u, g) between two states of one band, brought as near to each other as can be."""
     if state.band.closed:
         return find_image(state, other).residual
     return min(image.residual for image in strip_images(state, other))
@@ -147,11 +147,6 @@ class Kind:
         """Whether a state is this one."""
         return any(shape.is_(mine) for mine in (self.shape, *self.twins))
 
-    def improve(self, label: int, shape: Shape) -> None:
-        """Another of its states, of a lower index."""
-        self.twins.append(self.shape)
-        self.best, self.shape = label, shape
-
 
 class Kinds:
     """The equilibria found so far on a mesh; `guard` says of a state that slides what is wrong with it."""
@@ -169,7 +164,6 @@ class Kinds:
         twins = shape.slid(self._guard) if near else []
         for kind in near:
             if any(kind.holds(twin) for twin in twins):
-                kind.twins.append(shape)
                 return kind
         return None
 
@@ -178,3 +172,8 @@ class Kinds:
         kind = Kind(label, label, shape, shape.slid(self._guard))
         self.known.append(kind)
         return kind
+
+    def improve(self, kind: Kind, label: int, shape: Shape) -> None:
+        """Another state of a known equilibrium, of a lower index."""
+        kind.twins += [kind.shape, *shape.slid(self._guard)]
+        kind.best, kind.shape = label, shape
