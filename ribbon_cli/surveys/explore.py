@@ -22,6 +22,8 @@ from ..study.acceptance import checked, options_for, strip_guard
 FEWEST, MOST = 3, 15
 """Steps down from a start, which take out the worst wrinkles; how many decides how far from a minimum a climb
 begins."""
+MOST_STEPS = 150
+"""Most Newton steps down: ways at N = 48 take 10 to 60."""
 NO_START = "no-start"
 """The word for a start of which no draw was closed, or had the linking number asked for."""
 
@@ -64,7 +66,7 @@ def explore(task: Task) -> Sequence[End]:
 
 def options_from(state: State, half_twists: int) -> Options:
     """Options of a solve that begins at a state, and whose end must not have passed through itself."""
-    options = replace(options_for(half_twists), watch=None)
+    options = replace(options_for(half_twists), watch=None, max_steps=MOST_STEPS)
     return options if state.band.closed else replace(options, guard=strip_guard(state))
 
 

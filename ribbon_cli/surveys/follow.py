@@ -28,7 +28,7 @@ b = 0.15, N = 48 and 96 are 0.1 to 0.15 apart."""
 NEAR_ENERGY = 0.1
 """Relative change of energy up to which it may: pi bands at b = 0.1 change by 0.02 from N = 48 to 96."""
 CLIMBED = 200
-"""Most segments at which a saddle is climbed to, by dense algebra, where Newton's method does not get there."""
+"""Most segments at which a saddle is climbed to, by dense algebra, where Newton's method fails."""
 MET, LOST, FAILED = "met", "lost", "failed"
 """Met again; led to something else; led to nothing that converged."""
 
