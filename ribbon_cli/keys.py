@@ -78,7 +78,7 @@ class Text:
 class Items:
     """A list of 1 to `at_most` items, each given `once` where that is asked for."""
 
-    of: Integer | Number | Word | Section
+    of: Integer | Number | Word | Text | Section
     at_most: int
     once: bool = False
 

@@ -38,6 +38,7 @@ RANKS = {
     "plot": 7,
     "study": 7,
     "analysis": 8,
+    "sweeps": 8,
     "verify": 8,
     "surveys": 8,
     "pages": 9,

@@ -17,10 +17,9 @@ from cli_support import ESCAPE, QUICK_MOBIUS, parse_json, ribbon, ribbon_json
 from store_support import make_record, make_run
 
 from ribbon_cli import study
-from ribbon_cli.cli import main
-from ribbon_cli.cli.group import Stopped
 from ribbon_cli.errors import LockedError
-from ribbon_cli.study import Outcome, Target
+from ribbon_cli.study import Outcome, Target, process
+from ribbon_cli.study.process import Stopped
 from ribbon_cli.study.progress import Stage, Step
 
 ENERGIES = {50: 5.14, 100: 5.15, 200: 5.1525}
@@ -168,9 +167,9 @@ def test_a_signal_in_a_callback_that_cannot_raise_stops_a_moment_later(monkeypat
     class Thing:
         pass
 
-    monkeypatch.setattr(sys, "unraisablehook", main._unraised)
+    monkeypatch.setattr(sys, "unraisablehook", process.unraised)
     handlers = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGALRM)}
-    signal.signal(signal.SIGTERM, main._stop)
+    signal.signal(signal.SIGTERM, process.stop)
     try:
         things = [Thing()]
         kept = weakref.ref(things[0], lambda _: signal.raise_signal(signal.SIGTERM))

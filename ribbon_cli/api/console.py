@@ -33,7 +33,7 @@ def _to_standard_error(text: str) -> None:
 @contextmanager
 def console(verbose: bool = False, write: Callable[[str], object] = _to_standard_error) -> Iterator[Progress]:
     """The progress of the command line, to hand to a study; `write` is where its lines go."""
-    with _bar() if _on_terminal() else nullcontext() as bar:
+    with bar_over() if on_terminal() else nullcontext() as bar:
         shown = Lines(verbose, write) if bar is None else Bar(bar, verbose)
         try:
             yield shown
@@ -41,7 +41,7 @@ def console(verbose: bool = False, write: Callable[[str], object] = _to_standard
             shown.done()
 
 
-def _on_terminal() -> bool:
+def on_terminal() -> bool:
     """Whether standard error is a terminal that can redraw a line."""
     if sys.stderr is None or os.environ.get("TERM", "") in ("", "dumb", "unknown"):
         return False
@@ -192,8 +192,8 @@ class Bar(Lines):
         self._bar.console.print(visible(text, "\n"), markup=False, highlight=False, soft_wrap=True)
 
 
-def _bar() -> RichProgress:
-    """An empty bar on standard error; it vanishes when it is over."""
+def bar_over() -> RichProgress:
+    """An empty bar on standard error, which vanishes when it is over."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
     from rich.table import Column

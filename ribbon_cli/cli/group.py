@@ -15,15 +15,8 @@ from ribbon_cli import store
 from ribbon_cli.cli.output import complain, emit
 from ribbon_cli.cli.settings import Settings
 from ribbon_cli.errors import RibbonError, UsageError
+from ribbon_cli.study.process import Stopped
 from ribbon_cli.text import visible
-
-
-class Stopped(BaseException):
-    """SIGINT or SIGTERM arrived; not an Exception, so that nothing on the way takes it for a failure."""
-
-    def __init__(self, number: int) -> None:
-        super().__init__(number)
-        self.number = number
 
 
 class RibbonGroup(click.Group):

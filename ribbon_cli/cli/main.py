@@ -5,8 +5,6 @@ from __future__ import annotations
 import os
 import signal
 import sys
-from types import FrameType
-from typing import NoReturn
 
 import click
 
@@ -16,7 +14,7 @@ from ribbon_cli.cli.completion import SHELLS, register_bash, script
 from ribbon_cli.cli.config_commands import check, init, schema
 from ribbon_cli.cli.continue_command import continue_
 from ribbon_cli.cli.export_command import export
-from ribbon_cli.cli.group import RibbonGroup, Stopped
+from ribbon_cli.cli.group import RibbonGroup
 from ribbon_cli.cli.output import emit, emit_json
 from ribbon_cli.cli.plot_command import plot
 from ribbon_cli.cli.report_command import report_page
@@ -27,27 +25,14 @@ from ribbon_cli.cli.solve_commands import refine, solve
 from ribbon_cli.cli.spectrum_command import spectrum
 from ribbon_cli.cli.store_commands import ls, show
 from ribbon_cli.cli.survey_command import survey
+from ribbon_cli.cli.sweep_command import sweep
 from ribbon_cli.cli.table_command import convergence_table
 from ribbon_cli.cli.verify_command import verify
 from ribbon_cli.errors import UsageError
+from ribbon_cli.study.process import ONE_THREAD, heed
 
-# Whatever the environment says: the number of threads decides the order of summation, hence the bytes of the
-# results. None of the imports above brings in NumPy, so that its BLAS reads these when it is loaded.
-os.environ |= dict.fromkeys(
-    (
-        "OPENBLAS_NUM_THREADS",
-        "OMP_NUM_THREADS",
-        "MKL_NUM_THREADS",
-        "BLIS_NUM_THREADS",
-        "VECLIB_MAXIMUM_THREADS",
-        "NUMEXPR_NUM_THREADS",
-    ),
-    "1",
-)
-
-
-_MOMENT = 0.01
-"""Seconds, enough to be out of a callback."""
+# Whatever the environment says; none of the imports above brings in NumPy.
+os.environ |= ONE_THREAD
 
 
 def _version(ctx: click.Context, parameter: click.Parameter, value: bool) -> None:
@@ -102,7 +87,7 @@ def completion(settings: Settings, shell: str | None) -> None:
 
 
 _COMMANDS = (
-    *(init, check, solve, refine, continue_, survey, convergence_table, spectrum),
+    *(init, check, solve, sweep, survey, refine, continue_, convergence_table, spectrum),
     *(ls, show, compare, path, verify, repair, rerun, pack, unpack, rm),
     *(plot, export, report_page, schema, completion),
 )
@@ -112,29 +97,10 @@ for _command in _COMMANDS:
 
 def main() -> None:
     """Run the process's command line and exit; SIGINT gives 130, SIGTERM 143."""
-    # Where a caller ignores a signal (nohup, a background job), it stays ignored.
-    for number in (signal.SIGINT, signal.SIGTERM):
-        if signal.getsignal(number) is not signal.SIG_IGN:
-            signal.signal(number, _stop)
-    sys.unraisablehook = _unraised
+    heed(signal.SIGINT, signal.SIGTERM)
     for stream in (sys.stdout, sys.stderr):
         # A file's name that is no text, or a locale without Greek, must not end a run.
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")
     register_bash()
     cli.main()
-
-
-def _stop(number: int, frame: FrameType | None) -> NoReturn:
-    """End what is under way by an exception, so that locks are released and the terminal is put in order."""
-    raise Stopped(number)
-
-
-def _unraised(info: sys.UnraisableHookArgs) -> None:
-    """Where a signal arrives in a callback that cannot raise, as h5py has them, stop a moment later."""
-    stopped = info.exc_value
-    if not isinstance(stopped, Stopped):
-        sys.__unraisablehook__(info)
-        return
-    signal.signal(signal.SIGALRM, lambda number, frame: _stop(stopped.number, frame))
-    signal.setitimer(signal.ITIMER_REAL, _MOMENT)

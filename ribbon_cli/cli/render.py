@@ -14,12 +14,27 @@ from ribbon_cli.export.words import MEETS_ITSELF, linking_name
 from ribbon_cli.parts import HALF_WIDTH, PARAMETERS
 from ribbon_cli.store import StateRecord, Summary, varying
 from ribbon_cli.store.events import Event, Removed
+from ribbon_cli.sweeps import PointStanding
 from ribbon_cli.text import aligned, ranges, visible
 
 MISSING = "-"
 
 _LEFT = frozenset(
-    {"type", "status", "kind", "stage", "run", "last change", "name", "template", "field", "first", "second"}
+    {
+        "type",
+        "status",
+        "kind",
+        "stage",
+        "run",
+        "last change",
+        "name",
+        "template",
+        "field",
+        "first",
+        "second",
+        "point",
+        "why",
+    }
 )
 """Columns of words; the others hold numbers and are aligned on the right."""
 
@@ -219,6 +234,17 @@ def gathered(causes: Iterable[tuple[str, str]]) -> list[str]:
     for place, cause in causes:
         places.setdefault(cause, []).append(place)
     return [f"{'; '.join(group)}: {cause}" for cause, group in places.items()]
+
+
+def counts_text(counts: Mapping[str, int]) -> str:
+    """How many points of a sweep stand where: `57 done, 3 failed`."""
+    return ", ".join(f"{count} {status}" for status, count in counts.items() if count) or "no points"
+
+
+def points_table(points: Iterable[PointStanding]) -> str:
+    """Where the points of a sweep stand, and why."""
+    rows = [[p.point.name, p.status, "; ".join(p.failures) or p.words] for p in points]
+    return columns(["point", "status", "why"], rows)
 
 
 def plan_table(stages: Sequence[study.PlannedStage], whole: bool) -> str:

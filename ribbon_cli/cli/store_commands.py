@@ -8,14 +8,16 @@ from typing import Any
 
 import click
 
-from ribbon_cli import api, store, study
+from ribbon_cli import api, store, study, sweeps
 from ribbon_cli.cli.completion import complete_any, complete_kind, complete_run, complete_status
 from ribbon_cli.cli.output import complain, emit, emit_json, say, teller
 from ribbon_cli.cli.render import (
     branch_text,
     certificate_in_words,
+    counts_text,
     history_lines,
     listing,
+    points_table,
     runs_table,
     states_table,
     status_in_words,
@@ -28,7 +30,7 @@ _WHOLE_CONFIGS = ("config_text", "config_resolved")
 
 
 @click.command()
-@click.argument("run", metavar="[RUN]", required=False, shell_complete=complete_run)
+@click.argument("run", metavar="[RUN|SWEEP]", required=False, shell_complete=complete_run)
 @click.option("--all", "everything", is_flag=True, help="All kinds of state; all runs, those set aside too.")
 @click.option(
     "--status", metavar="WORD", shell_complete=complete_status, help="Only runs, or states, with this status."
@@ -39,11 +41,15 @@ _WHOLE_CONFIGS = ("config_text", "config_resolved")
 @common_options
 @pass_settings
 def ls(settings: Settings, run: str | None, everything: bool, status: str | None, kind: str | None) -> int:
-    """List the runs, or the equilibria of a RUN.
+    """List the runs, the equilibria of a RUN, or the points of a SWEEP.
 
     Of runs it says how far they have come: how many of the equilibria that the config names are done, in
-    hand, waiting or failed. RUN@b=0.5 and RUN@b=0.5,N=400 list the states of a width or mesh.
+    hand, waiting or failed. RUN@b=0.5 and RUN@b=0.5,N=400 list the states of a width or mesh. Of points it
+    says whether they are done, failed and why, running, unfinished or missing.
     """
+    record = None if run is None else store.find_sweep(settings.root, run)
+    if record is not None:
+        return _list_points(settings, record, everything, status, kind)
     if run is not None:
         return _list_states(settings, run, everything, status, kind)
     if kind is not None:
@@ -62,6 +68,24 @@ def ls(settings: Settings, run: str | None, everything: bool, status: str | None
     for line in damaged:
         complain(f"ribbon: {line}")
     return StoreError.exit_code if damaged else 0
+
+
+def _list_points(
+    settings: Settings, record: store.SweepRecord, everything: bool, status: str | None, kind: str | None
+) -> int:
+    """List the points of a sweep."""
+    if kind is not None or everything:
+        raise UsageError(f"--kind and --all are of states: {record.name} is a sweep; name one of its runs")
+    _known("status", status, sweeps.POINT_STATUSES)
+    points = sweeps.standings(record)
+    shown = [point for point in points if status is None or point.status == status]
+    if settings.json:
+        emit_json([point.to_dict() for point in shown])
+    elif shown:
+        emit(f"{points_table(shown)}\n\n{counts_text(sweeps.counts(points))}")
+    else:
+        say(settings, f"no points with status {status} in {record.name}")
+    return 0
 
 
 def _list_states(settings: Settings, ref: str, everything: bool, status: str | None, kind: str | None) -> int:

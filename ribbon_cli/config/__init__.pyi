@@ -1,4 +1,6 @@
 from ..recipes import RECIPES as RECIPES
+from .cluster import Cluster as Cluster
+from .cluster import load_cluster as load_cluster
 from .json_schema import SCHEMA_FILE as SCHEMA_FILE
 from .json_schema import schema as schema
 from .mistakes import ConfigError as ConfigError

@@ -28,8 +28,13 @@ from .run import Run as Run
 from .summaries import BranchSummary as BranchSummary
 from .summaries import Summary as Summary
 from .summaries import varying as varying
+from .sweeps import Result as Result
 from .sweeps import SweepPoint as SweepPoint
 from .sweeps import SweepRecord as SweepRecord
 from .sweeps import find_sweep as find_sweep
+from .sweeps import keep_result as keep_result
 from .sweeps import keep_sweep as keep_sweep
+from .sweeps import kept_result as kept_result
 from .sweeps import list_sweeps as list_sweeps
+from .sweeps import mark_of as mark_of
+from .sweeps import record_of as record_of

@@ -7,22 +7,26 @@ written anew whenever `ribbon sweep` finds it another; nothing but it knows the 
 
 from __future__ import annotations
 
+import hashlib
 import json
+import os
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from ribbon_cli.config import Sweep
 from ribbon_cli.errors import StoreError
 from ribbon_cli.store.atomic import write_atomic, write_error
-from ribbon_cli.store.folder import RUN_FOLDER, is_run
+from ribbon_cli.store.folder import RUN_FOLDER, STATES, is_run
 from ribbon_cli.store.hdf5 import read_bytes
+from ribbon_cli.store.lock import LOCK
 from ribbon_cli.store.log import parse_json
 
 SWEEPS = "sweeps"
 SOURCE = "sweep.yaml"
 RECORD = "sweep.json"
+POINTS = "points"
 SWEEP_FORMAT = "ribbon-sweep"
 SWEEP_FORMAT_VERSION = "1.0"
 
@@ -65,19 +69,64 @@ class SweepRecord:
         return tuple(key for group in self.groups for key in group)
 
 
+@dataclass(frozen=True)
+class Result:
+    """What running a point came to, with a sentence for each failure.
+
+    `again` tells that what failed may go well the next time (no space on a disk): it is tried again without
+    being asked for. `mark` is what `mark_of` gave when the run ended.
+    """
+
+    run: str
+    status: Literal["done", "failed", "held"]
+    failures: tuple[str, ...] = ()
+    again: bool = False
+    new_states: int = 0
+    seconds: float = 0.0
+    mark: str = ""
+
+
+def mark_of(path: Path) -> str:
+    """What changes whenever a run does: a hash of its files' names, sizes and times, and opens none of them.
+
+    Empty where there is no run.
+    """
+    files = []
+    for folder in (path, path / STATES):
+        try:
+            with os.scandir(folder) as entries:
+                for entry in entries:
+                    if not entry.name.startswith(LOCK) and entry.is_file():
+                        facts = entry.stat()
+                        files.append((entry.name, facts.st_size, facts.st_mtime_ns))
+        except OSError:
+            return ""
+    return hashlib.sha256(repr(sorted(files)).encode()).hexdigest()[:32]
+
+
+def keep_result(record: Path, result: Result) -> None:
+    """Keep what a point came to in the folder of its sweep. Raises StoreError."""
+    path = record / POINTS / f"{result.run}.json"
+    write_atomic(path, json.dumps(asdict(result)).encode() + b"\n", overwrite=True)
+
+
+def kept_result(record: Path, point: SweepPoint) -> Result | None:
+    """What a point came to, where its run is as it was then; None where nothing is known."""
+    try:
+        with open(record / POINTS / f"{point.run}.json", "rb") as stream:
+            document = parse_json(stream.read())
+        result = Result(**document | {"failures": tuple(map(str, document["failures"]))})
+    except (OSError, ValueError, TypeError, KeyError):
+        return None
+    known = result.status in ("done", "failed") and result.run == point.run
+    return result if known and result.mark == mark_of(point.path) else None
+
+
 def keep_sweep(root: Path, sweep: Sweep) -> SweepRecord:
     """Write a sweep's record, where it is not as it is, and return it. Raises StoreError."""
-    folder = root / SWEEPS / sweep.name
-    document = {
-        "format": SWEEP_FORMAT,
-        "format_version": SWEEP_FORMAT_VERSION,
-        "name": sweep.name,
-        "source": str(Path(sweep.path).absolute()),
-        "groups": [list(group) for group in sweep.groups],
-        "points": [{"name": point.name, "run": point.run, "values": point.values} for point in sweep.points],
-    }
+    folder, document = root / SWEEPS / sweep.name, _document(sweep)
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        (folder / POINTS).mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise write_error(folder, error) from error
     for name, data in ((SOURCE, sweep.text.encode()), (RECORD, _text(document))):
@@ -85,6 +134,22 @@ def keep_sweep(root: Path, sweep: Sweep) -> SweepRecord:
         if not path.is_file() or read_bytes(path) != data:
             write_atomic(path, data, overwrite=True)
     return _record(folder, document)
+
+
+def record_of(root: Path, sweep: Sweep) -> SweepRecord:
+    """The record that a sweep has, or would have; nothing is written."""
+    return _record(root / SWEEPS / sweep.name, _document(sweep))
+
+
+def _document(sweep: Sweep) -> dict[str, Any]:
+    return {
+        "format": SWEEP_FORMAT,
+        "format_version": SWEEP_FORMAT_VERSION,
+        "name": sweep.name,
+        "source": str(Path(sweep.path).absolute()),
+        "groups": [list(group) for group in sweep.groups],
+        "points": [{"name": point.name, "run": point.run, "values": point.values} for point in sweep.points],
+    }
 
 
 def _text(document: Mapping[str, Any]) -> bytes:
