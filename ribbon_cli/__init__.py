@@ -26,6 +26,7 @@ if TYPE_CHECKING:
         points,
         solve,
         survey,
+        table,
     )
     from ribbon_cli.api import open as open
     from ribbon_cli.config import Config, load_config
@@ -51,6 +52,7 @@ __all__ = [
     "points",
     "solve",
     "survey",
+    "table",
 ]
 """What `from ribbon_cli import *` brings: not `open`, which is Python's own there."""
 
@@ -73,6 +75,7 @@ _HOMES = {
     "points": "api",
     "solve": "api",
     "survey": "api",
+    "table": "api",
 }
 
 

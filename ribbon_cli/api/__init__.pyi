@@ -5,8 +5,10 @@ from . import datasets as datasets
 from . import drawing as drawing
 from . import exporting as exporting
 from . import following as following
+from . import gathering as gathering
 from . import tables as tables
 from .following import Followed as Followed
+from .gathering import table as table
 from .opening import load_state as load_state
 from .opening import open_state as open_state
 from .opening import solve as solve

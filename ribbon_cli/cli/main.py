@@ -19,6 +19,7 @@ from ribbon_cli.cli.output import emit, emit_json
 from ribbon_cli.cli.plot_command import plot
 from ribbon_cli.cli.report_command import report_page
 from ribbon_cli.cli.rm_command import rm
+from ribbon_cli.cli.rows_command import table
 from ribbon_cli.cli.run_commands import pack, path, repair, rerun, unpack
 from ribbon_cli.cli.settings import Settings, common_options, pass_settings
 from ribbon_cli.cli.solve_commands import refine, solve
@@ -88,7 +89,7 @@ def completion(settings: Settings, shell: str | None) -> None:
 
 _COMMANDS = (
     *(init, check, solve, sweep, survey, refine, continue_, convergence_table, spectrum),
-    *(ls, show, compare, path, verify, repair, rerun, pack, unpack, rm),
+    *(ls, show, table, compare, path, verify, repair, rerun, pack, unpack, rm),
     *(plot, export, report_page, schema, completion),
 )
 for _command in _COMMANDS:

@@ -16,13 +16,13 @@ from multiprocessing.process import BaseProcess
 from typing import Any, NamedTuple, TypeVar
 
 from ..errors import RibbonError
+from ..study.process import ONE_THREAD
 
 T = TypeVar("T")
 R = TypeVar("R")
 
 AHEAD = 8
 """Tasks a worker, beyond the first result that is missing: what is ahead of that is lost with a kill."""
-THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS")
 _LEAVING = 2.0
 """Seconds that a worker has to end."""
 
@@ -82,10 +82,10 @@ def _received(worker: _Worker) -> Any:
 def _workers(work: Callable[[T], R], count: int) -> Iterator[list[_Worker]]:
     """Processes that wait for tasks; at the end they are ended."""
     context = multiprocessing.get_context("spawn")
-    before = {name: os.environ.get(name) for name in THREADS}
+    before = {name: os.environ.get(name) for name in ONE_THREAD}
     team: list[_Worker] = []
     with ExitStack() as stack:
-        os.environ |= dict.fromkeys(THREADS, "1")
+        os.environ |= ONE_THREAD
         try:
             for _ in range(count):
                 here, there = context.Pipe()
