@@ -172,9 +172,8 @@ def _needed(name: str) -> ModuleType:
         return importlib.import_module(name)
     except ModuleNotFoundError as error:
         package = name.partition(".")[0]
-        raise UsageError(
-            f"this format needs {package}, which is not installed: pip install {package}"
-        ) from error
+        advice = f"this format needs {package}, which is not installed: pip install {package}"
+        raise UsageError(advice) from error
 
 
 FORMATS: dict[str, Callable[[Rows], bytes]] = {

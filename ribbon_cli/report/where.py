@@ -1,8 +1,8 @@
-"""Conditions on rows of a table: columns compared with values, `and`, `or`, `not`; nothing else is understood.
+"""Conditions on rows of a table: columns compared with values, `and`, `or`, `not`; nothing else.
 
 A text is read by Python's own parser and walked by a list of what is allowed, so that nothing is evaluated. A
-comparison with a value that is missing does not hold. Numbers are equal where they agree to 1e-9, as widths in
-references do.
+comparison with a value that is missing does not hold. Numbers are equal where they agree to 1e-9, as widths
+in references do.
 """
 
 from __future__ import annotations
@@ -70,8 +70,7 @@ class _Reader:
                 part = self._condition(inner)
                 return lambda row: not part(row)
             case ast.Compare(left=left, ops=ops, comparators=others):
-                sides = [left, *others]
-                pairs = [self._comparison(*sides[k : k + 2], op) for k, op in enumerate(ops)]
+                pairs = list(map(self._comparison, [left, *others[:-1]], others, ops))
                 return lambda row: all(pair(row) for pair in pairs)
             case ast.Name() | ast.Attribute():
                 name = self._name(node)
@@ -105,7 +104,7 @@ class _Reader:
                 return (lambda row: value), "number"
             case ast.Constant(value=value) if isinstance(value, str):
                 return (lambda row: value), "text"
-            case ast.UnaryOp(op=ast.USub(), operand=ast.Constant(value=value)) if type(value) in (int, float):
+            case ast.UnaryOp(op=ast.USub(), operand=ast.Constant(value=int() | float() as value)):
                 return (lambda row: -value), "number"
             case ast.Name(id="true" | "false" as word):
                 return (lambda row: word == "true"), "truth"
