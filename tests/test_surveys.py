@@ -355,7 +355,7 @@ def test_a_mesh_that_is_too_fine_is_refused(tmp_path: Path) -> None:
 
 def test_results_come_in_the_order_of_their_tasks() -> None:
     assert list(in_order(math.sqrt, [1.0, 4.0, 9.0, 16.0], 2)) == [1.0, 2.0, 3.0, 4.0]
-    with pytest.raises(ValueError, match="domain|nonnegative"):
+    with pytest.raises(ValueError, match=r"domain|nonnegative"):
         list(in_order(math.sqrt, [1.0, -1.0], 2))
 
 

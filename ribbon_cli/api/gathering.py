@@ -67,31 +67,32 @@ def gathered(found: Sequence[Source], all: bool = False, modes: int = 0) -> Rows
     rows = [_row(source, state, modes) for source, state in states]
     columns = [Column("state", "utf-8", False)]
     if keys:
-        columns += [Column("sweep", "utf-8"), *(_key_column(key, rows) for key in keys)]
+        own = [key for key in keys if key not in known]  # others, as the length, states have themselves
+        columns += [Column("sweep", "utf-8"), *(key_column(key, rows) for key in own)]
     columns += [Column(name, dtype, optional) for name, (dtype, optional) in known.items()]
     columns += [Column(f"eigenvalue_{k}", "float64") for k in range(1, modes + 1)]
     moved = [name for name in known if name.startswith("parameter_")]
     kinds = ["kind"] if all else []
-    shown = ["state", *keys, *kinds, *SHOWN[:1], *moved, *SHOWN[1:]]
+    shown = ["state", *keys, *kinds, *(name for name in (*SHOWN[:1], *moved, *SHOWN[1:]) if name not in keys)]
     shown += [f"eigenvalue_{k}" for k in range(1, modes + 1)]
     return Rows(tuple(columns), tuple(rows), tuple(shown))
 
 
 def _row(source: Source, state: Summary, modes: int) -> dict[str, Any]:
     run = source.run
-    row = {"state": f"{run.name}:{state.label}", "sweep": source.sweep, **flat(state, run.name)}
-    row |= {key: _spelled(value) for key, value in (source.values or {}).items()}
+    row = {key: spelled(value) for key, value in (source.values or {}).items()}
+    row |= {"state": f"{run.name}:{state.label}", "sweep": source.sweep, **flat(state, run.name)}
     if modes:
         row |= {f"eigenvalue_{k}": value for k, value in enumerate(lowest(run, state, modes), start=1)}
     return row
 
 
-def _spelled(value: Any) -> Any:
+def spelled(value: Any) -> Any:
     """A value that varies as a cell holds it: lists and sections as text."""
     return value if isinstance(value, bool | int | float | str) else str(value)
 
 
-def _key_column(key: str, rows: Sequence[Mapping[str, Any]]) -> Column:
+def key_column(key: str, rows: Sequence[Mapping[str, Any]]) -> Column:
     """The column of a key that varies: whole numbers where all are, else float64, else texts."""
     types = {type(row[key]) for row in rows if key in row}
     if types <= {bool}:

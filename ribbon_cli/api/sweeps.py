@@ -5,13 +5,20 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ribbon_cli import api
+from ribbon_cli.api.extras import extra
+from ribbon_cli.api.gathering import Source, gathered
 from ribbon_cli.api.opening import path_text, runs_text
+from ribbon_cli.api.tables import data_frame
 from ribbon_cli.config import Point, load_sweep
 from ribbon_cli.errors import UsageError
 from ribbon_cli.store import find_sweep, list_sweeps, runs_root, suggest
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+    from xarray import Dataset
 
 
 @dataclass(frozen=True)
@@ -35,6 +42,27 @@ class OpenSweep:
     def keys(self) -> tuple[str, ...]:
         """The keys that vary."""
         return tuple(key for group in self.groups for key in group)
+
+    def table(self, all: bool = False, modes: int = 0) -> DataFrame:
+        """A row an equilibrium of any of its runs, or a state; the keys that vary come first.
+
+        `modes` is the number of lowest eigenvalues. Raises StoreError, ImportError without pandas.
+        """
+        pandas = extra("pandas", "sweep.table()")
+        return data_frame(pandas, gathered(self._sources(), all, modes))
+
+    def to_xarray(self, modes: int = 0) -> Dataset:
+        """The equilibria as a dataset over the keys that vary, by their dotted names.
+
+        Keys that go together share a dimension. Where runs have several half-widths or numbers of segments,
+        these are dimensions as well; of several states at one place it is the one that `at` takes. Facts are
+        variables; what has not been run is not-a-number. Raises UsageError for a sweep without equilibria,
+        StoreError, ImportError without xarray.
+        """
+        return api.sweep_datasets.dataset(self, modes)
+
+    def _sources(self) -> list[Source]:
+        return [Source(p.run, self.name, p.values) for p in self.points if p.run is not None]
 
 
 def points(sweep: str | os.PathLike[str]) -> tuple[Point, ...]:

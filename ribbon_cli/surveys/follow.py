@@ -17,7 +17,7 @@ from ..solver.continuation import TRACKING_STEPS, to_segments
 from ..solver.kinship import another_minimum
 from ..solver.newton import Options, solve
 from ..solver.prolongation import phase_of, smooth
-from ..solver.status import Result
+from ..solver.status import STATIONARY, Result
 from ..study.acceptance import checked
 from .explore import options_from
 from .shapes import Shape, distance
@@ -91,9 +91,14 @@ def _ways(task: Task, options: Options) -> Iterator[tuple[Result, bool]]:
     if task.index == 0:
         with suppress(ClosureError):
             yield to_segments(task.state, task.segments, options).result, False
-    starts = list(_starts(task))
+    starts = list(_starts(task.state, task.segments))
     for start in starts:
         yield nearest(start, options.guard), False
+    between = task.state.band.segments * 5 // 4
+    for start in _starts(task.state, between):
+        middle = nearest(start, options.guard)
+        for second in _starts(middle.state, task.segments) if middle.status in STATIONARY else ():
+            yield nearest(second, options.guard), False
     if task.index == 0:
         return
     staying = replace(options, leave_saddles=0, max_steps=TRACKING_STEPS)
@@ -104,15 +109,13 @@ def _ways(task: Task, options: Options) -> Iterator[tuple[Result, bool]]:
             yield climb(Problem(start.band), start.vector(), task.index, options.guard), False
 
 
-def _starts(task: Task) -> Iterator[State]:
-    """The shape on the finer mesh, with its inflections where they lie on the coarser and then elsewhere."""
-    here = phase_of(task.state)
-    phases = (
-        (here, *(phase for phase in type(here) if phase is not here)) if task.state.band.closed else (here,)
-    )
+def _starts(state: State, segments: int) -> Iterator[State]:
+    """A shape on a finer mesh, with its inflections where they lie on the coarser and then elsewhere."""
+    here = phase_of(state)
+    phases = (here, *(phase for phase in type(here) if phase is not here)) if state.band.closed else (here,)
     for phase in phases:
         try:
-            yield smooth(task.state, task.segments, phase).state
+            yield smooth(state, segments, phase).state
         except (ClosureError, np.linalg.LinAlgError):
             continue
 
