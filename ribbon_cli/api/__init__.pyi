@@ -7,6 +7,7 @@ from . import exporting as exporting
 from . import following as following
 from . import gathering as gathering
 from . import sweep_datasets as sweep_datasets
+from . import sweep_drawing as sweep_drawing
 from . import tables as tables
 from .following import Followed as Followed
 from .gathering import table as table

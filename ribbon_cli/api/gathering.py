@@ -75,7 +75,8 @@ def gathered(found: Sequence[Source], all: bool = False, modes: int = 0) -> Rows
     kinds = ["kind"] if all else []
     shown = ["state", *keys, *kinds, *(name for name in (*SHOWN[:1], *moved, *SHOWN[1:]) if name not in keys)]
     shown += [f"eigenvalue_{k}" for k in range(1, modes + 1)]
-    return Rows(tuple(columns), tuple(rows), tuple(shown))
+    apart = [*keys, *(name for name in ("half_width", *moved, "segments") if name not in keys)]
+    return Rows(tuple(columns), tuple(rows), tuple(shown), tuple(apart))
 
 
 def _row(source: Source, state: Summary, modes: int) -> dict[str, Any]:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from ribbon_cli import api
+from ribbon_cli import api, plot
 from ribbon_cli.api.extras import extra
 from ribbon_cli.api.gathering import Source, gathered
 from ribbon_cli.api.opening import path_text, runs_text
@@ -60,6 +60,34 @@ class OpenSweep:
         StoreError, ImportError without xarray.
         """
         return api.sweep_datasets.dataset(self, modes)
+
+    def plot(
+        self,
+        kind: str = "table",
+        *,
+        of: str | None = None,
+        over: str | None = None,
+        by: Sequence[str] | None = None,
+        where: str | None = None,
+        style: str = "paper",
+        view: tuple[float, float] | None = None,
+        width: float | None = None,
+        title: str | None = None,
+        caption: bool = True,
+    ) -> plot.canvas.Figure:
+        """A picture as by `ribbon plot`: a figure of matplotlib, which shows itself in notebooks.
+
+        `kind` is table, a field `of` the table `over` another with a curve for each value of `by`, or shapes.
+        Raises UsageError.
+        """
+        api.drawing.check_kind(kind, None, view, None, ())
+        choice = plot.fields.Choice(of, over, None if by is None else tuple(by))
+        api.drawing.check_choice(kind, choice, where)
+        api.drawing.check_title(title)
+        look = plot.figure.find_style(style)
+        look = look if width is None else plot.style.of_width(look, width)
+        source = api.sweep_drawing.source_of_runs(kind, self._sources(), choice, where, view)
+        return plot.kinds.draw(kind, source, look).dressed(look, caption, title)
 
     def _sources(self) -> list[Source]:
         return [Source(p.run, self.name, p.values) for p in self.points if p.run is not None]

@@ -39,11 +39,14 @@ class Column:
 
 @dataclass(frozen=True)
 class Rows:
-    """Columns and rows; `shown` are the columns that people see of it where they name none."""
+    """Columns and rows; `shown` are the columns that people see of it where they name none, `keys` those that
+    tell its states apart.
+    """
 
     columns: tuple[Column, ...]
     rows: tuple[Row, ...]
     shown: tuple[str, ...] = ()
+    keys: tuple[str, ...] = ()
 
     def where(self, text: str | None) -> Rows:
         """The rows for which a condition holds. Raises UsageError."""
