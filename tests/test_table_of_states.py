@@ -15,6 +15,7 @@ import pytest
 import xarray
 from cli_support import QUICK_RING, ribbon
 from pyarrow import parquet, types
+from table_runs import SWEEP, fill
 
 import ribbon_cli
 from ribbon_cli.api.gathering import gathered, sources
@@ -25,32 +26,13 @@ from ribbon_cli.report.where import condition
 from ribbon_cli.store import Run, keep_sweep, list_runs
 from ribbon_cli.study import solve_config
 
-SWEEP = """
-name: fam
-config:
-  initial_guess: {recipe: cylinder, segments: 12, half_width: 0.1}
-  topology: {half_twists: 0}
-  spectrum: {modes: 3, full_up_to: 0}
-vary:
-  - {discretisation: [thesis, value-average], length: [6, 7.5]}
-  - {initial_guess.half_width: [0.1, 0.2, 1]}
-"""
 KINDS = {"energy": "number", "certified": "truth", "run": "text", "initial_guess.half_width": "number"}
 ROW = {"energy": 3.0, "certified": True, "run": "a-6170e105", "initial_guess.half_width": 0.1 + 0.2}
 
 
 @pytest.fixture(scope="module")
 def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A sweep of which one point was not run, and a run beside it."""
-    root = tmp_path_factory.mktemp("runs")
-    path = root / "fam.yaml"
-    path.write_text(SWEEP)
-    sweep = load_sweep(path)
-    keep_sweep(root, sweep)
-    for point in sweep.points[:-1]:
-        solve_config(point.config, root)
-    solve_config(parse_config(QUICK_RING, "ring.yaml"), root)
-    return root
+    return fill(tmp_path_factory.mktemp("runs"))
 
 
 # --- conditions ---

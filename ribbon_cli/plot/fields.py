@@ -20,6 +20,8 @@ from ribbon_cli.store import suggest
 OPEN = "no certificate"
 ENERGY = "$E$"
 LENGTH_OF_NUMBER = ".6g"
+MOST_MARKED = 60
+"""States of a curve beyond which their marks are as small as a line is wide."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +47,8 @@ class Chosen:
     def title(self) -> str:
         """What the picture shows."""
         told = f", a curve for each {' and '.join(column.name for column in self.by)}" if self.by else ""
-        return f"{self.of.name} over {self.over.name}{told}"
+        first = self.of.name[:1].upper() + self.of.name[1:]
+        return f"{first} over {self.over.name}{told}"
 
 
 def chosen(table: Rows, choice: Choice) -> Chosen:
@@ -134,7 +137,7 @@ def fields_figure(table: Rows, columns: Chosen, style: Style) -> Figure:
     drawn = curves(table, columns)
     handles = []
     for k, (name, rows) in enumerate(drawn):
-        look = marked_look(k)
+        look = marked_look(k) | ({"markersize": style.line} if len(rows) > MOST_MARKED else {})
         x = np.array([row[columns.over.name] for row in rows], dtype=np.float64)
         y = np.array([row[columns.of.name] for row in rows], dtype=np.float64)
         certified = np.array([bool(row.get("certified")) for row in rows])

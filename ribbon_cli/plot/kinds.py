@@ -388,7 +388,11 @@ def _shapes(source: Source, style: Style) -> Picture:
     left = len(source.states) - len(states)
     title = "Shapes" + (f", {len(states)} of {len(source.states)}" if left else "")
     figure = shapes_figure(panels, style, aligned=False, angles=source.angles)
-    return Picture(figure, title, tuple(states), caption=state_caption(states, None, names))
+    told = "; ".join(name.replace("$", "") for name in names)
+    certified, meeting = sum(s.certified for s in states), sum(s.self_contact for s in states)
+    contact = f", {meeting} in self-contact" if meeting else ""
+    caption = f"{told} ({certified} of {len(states)} certified{contact})"
+    return Picture(figure, title, tuple(states), caption=caption)
 
 
 def _mode(source: Source, style: Style) -> Picture:
