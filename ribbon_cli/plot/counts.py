@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from matplotlib.ticker import MaxNLocator
+
 from ribbon_cli.plot.canvas import Figure
 from ribbon_cli.plot.style import GREY, PALETTE, Style
 
@@ -26,6 +28,8 @@ def accumulation_figure(curve: Sequence[tuple[float, float]], estimate: float | 
         )
     axes.set_xlabel("hits")
     axes.set_ylabel("equilibria met")
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(MaxNLocator(integer=True))
     axes.set_xlim(0, curve[-1][0])
     axes.set_ylim(0, None)
     return figure

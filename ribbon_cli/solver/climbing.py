@@ -42,6 +42,11 @@ def climb(
 
     `guard` says what is wrong with a state on the way. Nothing is raised: the result says how it ended.
     """
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        return _climb(problem, x, modes, guard, most_steps)
+
+
+def _climb(problem: Problem, x: Array, modes: int, guard: Guard | None, most_steps: int) -> Result:
     limit, tried, steps = STEP_LIMIT, np.inf, 0
     try:
         while steps < most_steps:

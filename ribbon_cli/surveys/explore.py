@@ -55,7 +55,8 @@ class End:
 def explore(task: Task) -> Sequence[End]:
     """Every way from a start."""
     rng = np.random.default_rng([task.seed, task.start])
-    state = random_start(task.band, task.half_twists, rng)
+    with np.errstate(over="ignore", invalid="ignore"):  # draws that run away while they are closed
+        state = random_start(task.band, task.half_twists, rng)
     if state is None:
         return [End(modes, None) for modes in task.climbs]
     problem, options = Problem(task.band), options_from(state, task.half_twists)

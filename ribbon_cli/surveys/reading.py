@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
+from ..export.words import linking_name
 from ..store import Run, Summary
 from ..store.events import SurveyFollowed, SurveyStart
 from ..store.record import StateRecord
@@ -71,6 +72,7 @@ class Findings:
     """
 
     run: str
+    linking_name: str
     half_width: float
     segments: int
     starts: int
@@ -179,6 +181,7 @@ def findings(run: Run) -> Findings:
     saddles = [row.hits for row in table if row.index > 0]
     return Findings(
         run.name,
+        linking_name([first] if first else []),
         first.half_width if first else float("nan"),
         first.segments if first else 0,
         len(explored),

@@ -16,8 +16,8 @@ _WORDS = {"found", "symmetry", "is", "equilibria", "contact"}
 def heads(found: Findings) -> list[str]:
     """Names of the columns of the table of equilibria."""
     finer = [f"E, N = {n}" for n in meshes(found)]
-    named = [f"E, N = {found.segments}", "index", "Lk", "inflections", "symmetry", "contact", "hits", "is"]
-    return ["no.", "label", *named, *finer]
+    named = [f"E, N = {found.segments}", "index", found.linking_name, "inflections"]
+    return ["no.", "label", *named, "symmetry", "contact", "hits", "is", *finer]
 
 
 def meshes(found: Findings) -> list[int]:
