@@ -9,6 +9,7 @@ READY_TEST := $(VENV)/ready-test
 READY_DEV := $(VENV)/ready-dev
 READY_BENCH := $(VENV)/ready-bench
 READY_DOCS := $(VENV)/ready-docs
+READY_CLUSTER := $(VENV)/ready-cluster
 # The lowest supported Python with the lowest supported version of everything, in an environment of its own.
 MINIMUM_PYTHON ?= python3.11
 MINIMUM := .venv-minimum
@@ -24,7 +25,7 @@ PIP := $(BIN)/python -m pip -qq --disable-pip-version-check
 .DELETE_ON_ERROR:
 FIGURES := $(addprefix figure-3.,1 2 3 4 5 6 7 8 9 10 11 12 13 14)
 .PHONY: help setup table-3.1 paper $(FIGURES) gallery checkerboard everted-cylinder everted-moebius docs
-.PHONY: test test-long test-docs test-minimum test-package test-browser test-readers test-peers test-large test-branches test-faults test-auto lint bench same-as clean
+.PHONY: test test-long test-docs test-minimum test-package test-browser test-readers test-peers test-large test-branches test-faults test-auto test-cluster test-slurm lint bench same-as clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z][a-z0-9.-]*\):.*## \(.*\)/make \1|\2/p' Makefile | awk -F'|' '{printf "%-17s %s\n", $$1, $$2}'
@@ -68,7 +69,7 @@ test-docs: $(READY_TEST) ## run the examples of the reference and background pag
 	@$(BIN)/python -m pytest -m docs -n auto --maxprocesses 4
 
 test-minimum: $(MINIMUM)/ready ## run the quick tests on the lowest supported versions
-	@$(MINIMUM)/bin/python -m pytest -m "not slow and not docs and not large and not faults and not browser and not branches and not package and not readers and not peers and not long and not auto" \
+	@$(MINIMUM)/bin/python -m pytest -m "not slow and not docs and not large and not faults and not browser and not branches and not package and not readers and not peers and not long and not auto and not cluster and not slurm" \
 		--ignore=tests/test_resume.py --ignore=tests/test_study.py --ignore=tests/test_table_3_1.py \
 		--ignore=tests/test_export_formats.py --ignore=tests/test_export_bands.py \
 		--ignore=tests/test_hdf5_readers.py --ignore=tests/test_api_door.py --ignore=tests/test_notebook.py \
@@ -100,6 +101,12 @@ test-faults: $(READY_TEST) ## run the long fault tests of the store: kills, fail
 
 test-auto: $(READY_DEV) $(AUTO)/ready ## compare folds and branch points with AUTO-07p, a minute (apt install gfortran)
 	@AUTO_PYTHON=$(CURDIR)/$(AUTO)/bin/python $(BIN)/python -m pytest -m auto -rs tests/auto
+
+test-cluster: $(READY_CLUSTER) ## run sweeps on Dask: same bytes, workers and schedulers that are killed
+	@$(BIN)/python -m pytest -m cluster tests/cluster
+
+test-slurm: $(READY_CLUSTER) ## run sweeps on a Slurm of one node, as root (apt install munge slurmctld slurmd slurm-client)
+	@$(BIN)/python -m pytest -m slurm -rs tests/cluster
 
 lint: $(READY_DEV) ## check style, format and types
 	@$(BIN)/ruff check .
@@ -136,6 +143,11 @@ $(READY_BENCH): pyproject.toml
 	@$(new-venv)
 	@$(call install,'.[bench]')
 	@touch $@ $(READY)
+
+$(READY_CLUSTER): pyproject.toml
+	@$(new-venv)
+	@$(call install,'.[test$(comma)cluster]')
+	@touch $@ $(READY) $(READY_TEST)
 
 $(READY_DOCS): pyproject.toml
 	@$(new-venv)

@@ -70,14 +70,14 @@ def sweep(
     alone = array_index is not None or (workers is None and dask is None and not dry_run)
     chosen = _chosen(settings, loaded, array_index) if alone else None
     points = range(len(loaded.points)) if chosen is None else chosen
-    keep = store.record_of if dry_run else store.keep_sweep
-    record = keep(settings.root, loaded)
+    record = store.record_of(settings.root, loaded)
     tell = teller(settings)
     left = sweeps.what_is_left(loaded, record, settings.root, points, retry, settings.argv, tell)
     if dry_run:
         _show_plan(settings, record, left, workers)
         return 0
     settings.commits = True
+    store.keep_sweep(settings.root, loaded)
     here = chosen is not None
     with sweeps.executor_for(left, workers, dask, here, tell) as executor, _progress(settings) as shown:
         outcome = sweeps.run_sweep(record, left, points, executor, shown, wait_for_others=not here)

@@ -17,7 +17,7 @@ from ribbon_cli.config.table import NAME
 
 _SHORT = {"half_width": "b", "segments": "N", "half_twists": "n", "widths": "b"}
 _UNFIT = re.compile(r"[^A-Za-z0-9._-]+")
-_POOR = re.compile(r"to|from|steps|[0-9]+")
+_POOR = re.compile(r"to|from|[0-9]+")
 """Last words of a key that say little by themselves."""
 _LONGEST_LIST = 20
 _DIGITS = 8

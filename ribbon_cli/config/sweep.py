@@ -126,7 +126,8 @@ def _groups(reader: Reader, node: Node | None) -> list[list[_Column]]:
     for group, field, _ in reader.items(node, "vary", GROUPS) if node is not None else ():
         columns: list[_Column] = []
         if group.kind != "mapping" or not group.items:
-            reader.wrong(group, field, f"must be a mapping {{key: {_VALUES}}}")
+            expected = f"must be a mapping {{key: {_VALUES}}}"
+            reader.report(group, field, f"{expected}, got {'{}' if group.kind == 'mapping' else got(group)}")
             continue
         for key, value in zip(group.items[::2], group.items[1::2], strict=True):
             path = f"{field}.{shown(key.text)}"

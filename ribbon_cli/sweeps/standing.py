@@ -8,7 +8,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from .. import study
+from ..errors import StoreError
 from ..store import Result, Run, SweepPoint, SweepRecord, kept_result
+from ..store.root import named
 
 POINT_STATUSES = ("done", "failed", "running", "unfinished", "missing")
 """Words for a point: all targets certified; some not, or it broke off; being written to; begun; not begun."""
@@ -61,13 +63,26 @@ def standing(record: SweepRecord, point: SweepPoint) -> PointStanding:
         return of_result(point, result)
     if not point.exists:
         return PointStanding(point, "missing")
-    found = study.standing(Run(point.path))
+    run = Run(point.path)
+    found = study.standing(run)
     status = _OF_RUNS.get(found.status, "unfinished")
     words = "" if found.holder is None else str(found.holder)
-    failures = (found.damage,) if found.damage else ()
-    if status == "failed" and not failures:
+    failures = (found.damage,) if found.damage else _lost(run)
+    if failures:
+        status = "running" if words else "failed"
+    elif status == "failed":
         failures = (f"{found.counts.failed} of its equilibria not reached, or without certificate",)
     return PointStanding(point, status, failures, words)
+
+
+def _lost(run: Run) -> tuple[str, ...]:
+    """A line on each state whose file is not as it was committed: nothing else tells of these."""
+    try:
+        damaged = run.damage(run.entries())
+    except StoreError as error:
+        return (str(error),)
+    advice = f"`ribbon repair {named(run.path)}` tells more"
+    return tuple(f"state {label} is {word}: {advice}" for label, word in damaged.items())
 
 
 def standings(record: SweepRecord) -> list[PointStanding]:
