@@ -6,7 +6,6 @@ import os
 import sys
 import warnings
 from collections.abc import Mapping, Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +13,6 @@ from ribbon_cli import api, plot, sweeps
 from ribbon_cli.api.extras import extra
 from ribbon_cli.api.gathering import Source, gathered
 from ribbon_cli.api.opening import path_text, runs_text
-from ribbon_cli.api.sweep_console import sweep_console
 from ribbon_cli.api.tables import data_frame
 from ribbon_cli.config import Point, load_sweep
 from ribbon_cli.errors import RibbonWarning, UsageError
@@ -108,22 +106,19 @@ def run_sweep(
     *,
     workers: int | None = None,
     retry: bool = False,
-    progress: bool = False,
 ) -> OpenSweep:
     """Run what is left of a SWEEP.yaml's points, and open the sweep; the same call again resumes.
 
     Points are run in this process or, with `workers`, in so many of their own: then the calling script needs
     `if __name__ == "__main__":` around what it does. `retry` tries points again that failed; those that
-    failed are warned of. `progress` shows that of the command line. Raises ConfigError, StoreError, TypeError.
+    failed are warned of. Raises ConfigError, StoreError, TypeError.
     """
     loaded, root = load_sweep(path_text("sweep", sweep)), runs_root(runs_text(runs))
     points = range(len(loaded.points))
     record = keep_sweep(root, loaded)
     left = sweeps.what_is_left(loaded, record, root, points, retry, sys.argv)
-    with ExitStack() as stack:
-        executor = stack.enter_context(sweeps.executor_for(left, workers, None, here=workers is None))
-        shown = stack.enter_context(sweep_console(False)) if progress else None
-        outcome = sweeps.run_sweep(record, left, points, executor, shown or (lambda _: None))
+    with sweeps.executor_for(left, workers, None, here=workers is None) as executor:
+        outcome = sweeps.run_sweep(record, left, points, executor, lambda _: None)
     for run, why in outcome.failures:
         warnings.warn(f"{run}: {why}", RibbonWarning, stacklevel=2)
     return open_sweep(record.name, root)
