@@ -24,9 +24,9 @@ if TYPE_CHECKING:
         load_state,
         open_sweep,
         points,
-        run_sweep,
         solve,
         survey,
+        sweep,
         table,
     )
     from ribbon_cli.api import open as open
@@ -51,9 +51,9 @@ __all__ = [
     "load_state",
     "open_sweep",
     "points",
-    "run_sweep",
     "solve",
     "survey",
+    "sweep",
     "table",
 ]
 """What `from ribbon_cli import *` brings: not `open`, which is Python's own there."""
@@ -75,9 +75,9 @@ _HOMES = {
     "open": "api",
     "open_sweep": "api",
     "points": "api",
-    "run_sweep": "api",
     "solve": "api",
     "survey": "api",
+    "sweep": "api",
     "table": "api",
 }
 

@@ -24,7 +24,14 @@ from cli_support import environment
 from paper.table import compare_with_thesis, texts, thesis_table
 from ribbon_cli import errors, load_state
 from ribbon_cli import open as open_run
-from ribbon_cli.config import RECIPES, SpectrumRequest, load_config, parse_config
+from ribbon_cli.config import (
+    RECIPES,
+    SpectrumRequest,
+    load_cluster,
+    load_config,
+    load_sweep,
+    parse_config,
+)
 from ribbon_cli.config.table import CONFIG
 from ribbon_cli.report.convergence import Entry
 from ribbon_cli.solver.status import Status
@@ -111,10 +118,15 @@ def test_the_examples_run(page: Path, tmp_path: Path, shell: dict[str, str]) -> 
 
 
 def write_config(text: str, folder: Path) -> None:
-    """Check a config, and keep it where it names a file."""
+    """Check a config, and keep it where it names a file; sweeps and settings of clusters as well."""
     named = re.match(r"# (\S+\.yaml)\n", text)
     if named:
         (folder / named[1]).write_text(text, encoding="utf-8")
+        others = {"vary": load_sweep, "jobs": load_cluster}
+        for key, load in others.items():
+            if re.search(rf"^{key}:", text, re.MULTILINE):
+                load(folder / named[1])
+                return
     parse_config(text, named[1] if named else "example.yaml")
 
 

@@ -84,7 +84,7 @@ def test_an_inline_config_and_ranges(folder):
         "    initial_guess.segments: {from: 10, to: 50, steps: 4}\n"
     )
     b, n = ([point.values[key] for point in sweep.points] for key in sweep.keys)
-    assert b == [0.1, *(0.1 + j * (0.3 - 0.1) / 4 for j in (1, 2, 3)), 0.3]
+    assert b == [0.1, 0.15, 0.2, 0.25, 0.3]
     assert n == [10, 20, 30, 40, 50]
     assert all(type(value) is int for value in n)
     assert sweep.points[0].name == "rings-b0.1-N10"

@@ -23,4 +23,4 @@ from .sweeps import OpenPoint as OpenPoint
 from .sweeps import OpenSweep as OpenSweep
 from .sweeps import open_sweep as open_sweep
 from .sweeps import points as points
-from .sweeps import run_sweep as run_sweep
+from .sweeps import sweep as sweep

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress as RichProgress
 
 
-def _to_standard_error(text: str) -> None:
+def to_standard_error(text: str) -> None:
     """Write a line where people look for messages; where nobody can read it, nothing happens."""
     if sys.stderr is not None:
         with suppress(OSError):
@@ -31,7 +31,7 @@ def _to_standard_error(text: str) -> None:
 
 
 @contextmanager
-def console(verbose: bool = False, write: Callable[[str], object] = _to_standard_error) -> Iterator[Progress]:
+def console(verbose: bool = False, write: Callable[[str], object] = to_standard_error) -> Iterator[Progress]:
     """The progress of the command line, to hand to a study; `write` is where its lines go."""
     with bar_over() if on_terminal() else nullcontext() as bar:
         shown = Lines(verbose, write) if bar is None else Bar(bar, verbose)
@@ -90,7 +90,7 @@ class Lines:
     Stages without a step, such as those that a resumed run has already, share a line unless `verbose`.
     """
 
-    def __init__(self, verbose: bool = False, write: Callable[[str], object] = _to_standard_error) -> None:
+    def __init__(self, verbose: bool = False, write: Callable[[str], object] = to_standard_error) -> None:
         self._verbose = verbose
         self._put = write
         self._current: _Current | None = None

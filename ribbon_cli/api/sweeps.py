@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import os
 import sys
-import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from ribbon_cli import api, plot, sweeps
+from ribbon_cli import api, plot
+from ribbon_cli.api.console import to_standard_error
 from ribbon_cli.api.extras import extra
 from ribbon_cli.api.gathering import Source, gathered
 from ribbon_cli.api.opening import path_text, runs_text
+from ribbon_cli.api.sweep_console import sweep_console
 from ribbon_cli.api.tables import data_frame
 from ribbon_cli.config import Point, load_sweep
-from ribbon_cli.errors import RibbonWarning, UsageError
-from ribbon_cli.store import find_sweep, keep_sweep, list_sweeps, runs_root, suggest
+from ribbon_cli.errors import UsageError
+from ribbon_cli.store import find_sweep, keep_sweep, list_sweeps, record_of, runs_root, suggest
+from ribbon_cli.sweeps import SweepEvent, SweepOutcome, executor_for, run_sweep, what_is_left
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -95,33 +98,50 @@ class OpenSweep:
         return [Source(p.run, self.name, p.values) for p in self.points if p.run is not None]
 
 
-def points(sweep: str | os.PathLike[str]) -> tuple[Point, ...]:
-    """The points that SWEEP.yaml gives: each its values and its config. Raises ConfigError, TypeError."""
-    return load_sweep(path_text("sweep", sweep)).points
-
-
-def run_sweep(
-    sweep: str | os.PathLike[str],
+def sweep(
+    path: str | os.PathLike[str],
     runs: str | os.PathLike[str] | None = None,
     *,
     workers: int | None = None,
+    dask: str | None = None,
     retry: bool = False,
-) -> OpenSweep:
-    """Run what is left of a SWEEP.yaml's points, and open the sweep; the same call again resumes.
+    progress: Callable[[SweepEvent], object] | bool | None = None,
+) -> SweepOutcome:
+    """Run every point of SWEEP.yaml, or those that are left, as `ribbon sweep` does.
 
-    Points are run in this process or, with `workers`, in so many of their own: then the calling script needs
-    `if __name__ == "__main__":` around what it does. `retry` tries points again that failed; those that
-    failed are warned of. Raises ConfigError, StoreError, TypeError.
+    `workers` and `dask` are as there: worker processes, by default one a processor; or `local`, the address
+    of a scheduler, or a settings file. Points that failed are tried again with `retry`. `progress` is a
+    callable that gets every event, True for the progress of the command line, None for silence. Points that
+    failed are in the outcome and raise nothing; ConfigError, UsageError, StoreError are raised.
     """
-    loaded, root = load_sweep(path_text("sweep", sweep)), runs_root(runs_text(runs))
-    points = range(len(loaded.points))
+    root = runs_root(runs_text(runs))
+    loaded = load_sweep(path_text("path", path))
+    everything = range(len(loaded.points))
+    left = what_is_left(loaded, record_of(root, loaded), root, everything, retry, sys.argv)
     record = keep_sweep(root, loaded)
-    left = sweeps.what_is_left(loaded, record, root, points, retry, sys.argv)
-    with sweeps.executor_for(left, workers, None, here=workers is None) as executor:
-        outcome = sweeps.run_sweep(record, left, points, executor, lambda _: None)
-    for run, why in outcome.failures:
-        warnings.warn(f"{run}: {why}", RibbonWarning, stacklevel=2)
-    return open_sweep(record.name, root)
+    with executor_for(left, workers, dask) as executor, _watched(progress) as shown:
+        return run_sweep(record, left, everything, executor, shown)
+
+
+@contextmanager
+def _watched(
+    progress: Callable[[SweepEvent], object] | bool | None,
+) -> Iterator[Callable[[SweepEvent], object]]:
+    """Who hears of a sweep. Raises TypeError for what is no watcher."""
+    if progress is True:
+        with sweep_console(False, to_standard_error) as shown:
+            yield shown
+    elif progress is None or progress is False:
+        yield lambda _: None
+    elif callable(progress):
+        yield progress
+    else:
+        raise TypeError(f"progress must be a callable, True or None, got {type(progress).__name__}")
+
+
+def points(sweep: str | os.PathLike[str]) -> tuple[Point, ...]:
+    """The points that SWEEP.yaml gives: each its values and its config. Raises ConfigError, TypeError."""
+    return load_sweep(path_text("sweep", sweep)).points
 
 
 def open_sweep(name: str, runs: str | os.PathLike[str] | None = None) -> OpenSweep:

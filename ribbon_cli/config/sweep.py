@@ -170,7 +170,9 @@ def _values(reader: Reader, node: Node, field: str) -> list[Node]:
     first, last, steps = found.values().values()
     if first is None or last is None or steps is None:
         return []
-    numbers = (*(first + j * (last - first) / steps for j in range(steps)), last)
+    # To 15 digits, so that rounding does not tell 0.3 from the 0.3 that people ask for.
+    between = (float(f"{first + j * (last - first) / steps:.15g}") for j in range(1, steps))
+    numbers = (first, *between, last)
     if len(set(numbers)) < len(numbers):
         found.report("to", f"must leave the values apart, got {got(found.nodes['to'])}")
         return []

@@ -74,11 +74,12 @@ class Cluster:
         self._begin(["worker", self.address, *size, "--no-dashboard", "--death-timeout", "60"])
 
     def _begin(self, words: list[str]) -> None:
-        log = (self.folder / f"dask-{words[0]}.log").open("ab")
-        # Not the tests' folder: what stands there could be taken for a package.
-        self.processes.append(
-            subprocess.Popen([*DASK, *words], cwd=self.folder, env=environment(), stdout=log, stderr=log)
-        )
+        with (self.folder / f"dask-{words[0]}.log").open("ab") as log:
+            # Not in the tests' folder: what stands there could be taken for a package.
+            process = subprocess.Popen(
+                [*DASK, *words], cwd=self.folder, env=environment(), stdout=log, stderr=log
+            )
+        self.processes.append(process)
 
     @property
     def scheduler(self) -> subprocess.Popen[bytes]:
