@@ -68,7 +68,8 @@ class Equilibrium:
 @dataclass(frozen=True)
 class Findings:
     """A survey's result: its equilibria by energy, the ends of its ways by status, and estimates of how many
-    there are for minima, saddles and all; `curve` is the expected number of equilibria against that of hits.
+    there are: minima, saddles, what is called continuum, and all; `curve` is the expected number of
+    equilibria against that of hits.
     """
 
     run: str
@@ -177,8 +178,6 @@ def findings(run: Run) -> Findings:
         _equilibrium(run, number, found, known[found], hits[found])
         for number, found in enumerate(rows, start=1)
     )
-    minima = [row.hits for row in table if row.index == 0]
-    saddles = [row.hits for row in table if row.index > 0]
     return Findings(
         run.name,
         linking_name([first] if first else []),
@@ -187,15 +186,19 @@ def findings(run: Run) -> Findings:
         len(explored),
         table,
         dict(sorted(Counter(end.status for end in ends).items())),
-        {name: estimate(counts) for name, counts in _groups(minima, saddles)},
-        tuple(accumulation([*minima, *saddles])),
+        {name: estimate(counts) for name, counts in _groups(table)},
+        tuple(accumulation([row.hits for row in table])),
     )
 
 
-def _groups(minima: list[int], saddles: list[int]) -> list[tuple[str, list[int]]]:
-    if not saddles:
-        return [("minima", minima)]
-    return [("minima", minima), ("saddles", saddles), ("all", [*minima, *saddles])]
+def _groups(table: Sequence[Equilibrium]) -> list[tuple[str, list[int]]]:
+    """Hits of equilibria by what these are; all of them come last."""
+    groups = [
+        ("minima", [row.hits for row in table if row.index == 0]),
+        ("saddles", [row.hits for row in table if row.index > 0]),
+        (CONTINUUM, [row.hits for row in table if row.verdict == CONTINUUM]),
+    ]
+    return [*((name, counts) for name, counts in groups if counts), ("all", [row.hits for row in table])]
 
 
 def _equilibrium(run: Run, number: int, found: int, standing: Standing, hits: int) -> Equilibrium:
