@@ -25,7 +25,7 @@ PIP := $(BIN)/python -m pip -qq --disable-pip-version-check
 .DELETE_ON_ERROR:
 FIGURES := $(addprefix figure-3.,1 2 3 4 5 6 7 8 9 10 11 12 13 14)
 .PHONY: help setup table-3.1 paper $(FIGURES) gallery checkerboard everted-cylinder everted-moebius docs
-.PHONY: test test-long test-docs test-minimum test-package test-browser test-readers test-peers test-large test-branches test-faults test-auto test-cluster test-slurm lint bench same-as clean
+.PHONY: test test-long test-docs test-minimum test-package test-browser test-readers test-peers test-large test-branches test-faults test-auto test-cluster test-slurm lint bench bench-sweep same-as clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z][a-z0-9.-]*\):.*## \(.*\)/make \1|\2/p' Makefile | awk -F'|' '{printf "%-17s %s\n", $$1, $$2}'
@@ -115,6 +115,9 @@ lint: $(READY_DEV) ## check style, format and types
 
 bench: $(READY_BENCH) ## measure the solver against CasADi with IPOPT, and the store
 	@$(BIN)/python -m bench.run; solver=$$?; $(BIN)/python -m bench.store && exit $$solver
+
+bench-sweep: $(READY_CLUSTER) $(READY_BENCH) ## measure sweeps: two workers against one and against Dask, 1000 runs
+	@$(BIN)/python -m bench.sweeps
 
 # COMMIT: default where main was left. SAME: options, such as SAME="--quick --expect changes.yaml"; -h lists them.
 same-as: setup ## compare results, exit codes, JSON and speed with those of COMMIT

@@ -61,9 +61,11 @@ def workers_of(pid: int) -> list[int]:
     """Worker processes of a process, and of its children."""
     found: list[int] = []
     with suppress(OSError):
-        for child in map(int, Path(f"/proc/{pid}/task/{pid}/children").read_text().split()):
-            words = Path(f"/proc/{child}/cmdline").read_bytes()
-            found += ([child] if b"sweeps.worker" in words else []) + workers_of(child)
+        # Of each thread, since a process is its thread's child.
+        for children in Path(f"/proc/{pid}/task").glob("*/children"):
+            for child in map(int, children.read_text().split()):
+                words = Path(f"/proc/{child}/cmdline").read_bytes()
+                found += ([child] if b"sweeps.worker" in words else []) + workers_of(child)
     return found
 
 

@@ -306,6 +306,13 @@ def test_programs_open_a_sweep_with_the_runs_there_are(folder):
         ribbon_cli.open_sweep("fan")
 
 
+def test_a_sweep_is_no_config(folder):
+    sweep_of(FAMILY)
+    result = ribbon("check", "fam.yaml")
+    assert result.exit_code == 2
+    assert "fam.yaml:2:1: vary: makes this a sweep: `ribbon sweep` runs it" in result.stderr
+
+
 def test_a_settings_file_of_a_cluster(folder):
     Path("slurm.yaml").write_text(
         'jobs: 2\nwalltime: "00:10:00"\npartition: debug\ndirectives: [--qos=long, "--mail-type END"]\n'

@@ -69,6 +69,7 @@ def test_a_killed_sweep_is_finished_by_the_same_line(tmp_path, whole):
     process.kill()
     process.communicate()
     before = committed(tmp_path)
+    assert len(workers) == 2
     assert all(map(ended, workers))
     assert ribbon("sweep", tmp_path / "sweep.yaml", "--runs", tmp_path / "runs", "-q").exit_code == 0
     assert hashes(tmp_path / "runs") == whole(RINGS)

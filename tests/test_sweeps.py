@@ -14,7 +14,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from cli_support import parse_json, ribbon, ribbon_json
+from cli_support import parse_json, ribbon, ribbon_json, run
 from sweep_support import MIXED, RINGS, commits, hashes, workers_of
 
 from ribbon_cli import study, sweeps
@@ -101,6 +101,9 @@ def test_ls_tells_where_each_point_stands_and_why(mixed):
     assert ribbon_json("ls", "mixed", "--status", "failed")[0]["name"] == "mixed-n3-schoenke-b1.7"
     assert ribbon("ls", "mixed", "--all").exit_code == 2
     assert ribbon("ls", "mixed-n0-cylinder-b0.1").exit_code == 0
+    line = {"COMP_LINE": "ribbon ls mi", "COMP_POINT": "12", "COMP_WORDBREAKS": ":="}
+    asked = {"_RIBBON_COMPLETE": "bash_complete", **line}
+    assert "plain,mixed\n" in run("ls", "mi", cwd=mixed, **asked).stdout
 
 
 def test_what_was_kept_of_a_point_is_not_believed_once_its_run_has_changed(mixed):

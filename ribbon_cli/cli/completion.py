@@ -130,6 +130,11 @@ def _run_names(ctx: click.Context, incomplete: str) -> Iterator[str]:
     return (name for name, _ in _runs(ctx))
 
 
+def _listed(ctx: click.Context, incomplete: str) -> Iterator[str]:
+    yield from store.list_sweeps(_root(ctx))
+    yield from _run_names(ctx, incomplete)
+
+
 def _references(ctx: click.Context, incomplete: str) -> Iterator[str]:
     """Runs with a colon, or the states of one when there is only one: by label, or by place after an @."""
     fitting = [(name, run) for name, run in _runs(ctx) if name.startswith(incomplete)]
@@ -167,6 +172,7 @@ def complete_words(words: tuple[str, ...]) -> _Callback:
 
 
 complete_run = _candidates(_run_names)
+complete_listed = _candidates(_listed)
 complete_state = _candidates(_references, "file")
 complete_any = _candidates(_states_or_runs, "file")
 complete_checkable = _candidates(_all_or_one, "file")

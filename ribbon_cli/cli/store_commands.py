@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from ribbon_cli import api, store, study, sweeps
-from ribbon_cli.cli.completion import complete_any, complete_kind, complete_run, complete_status
+from ribbon_cli.cli.completion import complete_any, complete_kind, complete_listed, complete_status
 from ribbon_cli.cli.output import complain, emit, emit_json, say, teller
 from ribbon_cli.cli.render import (
     branch_text,
@@ -30,7 +30,7 @@ _WHOLE_CONFIGS = ("config_text", "config_resolved")
 
 
 @click.command()
-@click.argument("run", metavar="[RUN|SWEEP]", required=False, shell_complete=complete_run)
+@click.argument("run", metavar="[RUN|SWEEP]", required=False, shell_complete=complete_listed)
 @click.option("--all", "everything", is_flag=True, help="All kinds of state; all runs, those set aside too.")
 @click.option(
     "--status", metavar="WORD", shell_complete=complete_status, help="Only runs, or states, with this status."

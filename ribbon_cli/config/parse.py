@@ -15,6 +15,8 @@ from ribbon_cli.config.schedule import half_widths_of, schedule
 from ribbon_cli.config.table import CONFIG, NAME, SPECTRUM
 from ribbon_cli.config.types import Arclength, Config, Leg, SpectrumRequest
 
+_OF_SWEEPS = {"vary": "makes this a sweep: `ribbon sweep` runs it"}
+
 
 def load_config(path: str | os.PathLike[str]) -> Config:
     """Read and check the config at `path`. Raises ConfigError with everything that is wrong."""
@@ -48,7 +50,7 @@ def parse_config(text: str, path: str | os.PathLike[str]) -> Config:
 def config_of(root: Node, mistakes: Mistakes, text: str, path: str) -> Config:
     """Check a config given as a tree. Raises ConfigError with everything that is wrong."""
     reader = Reader(mistakes)
-    found = reader.section(root, "", CONFIG)
+    found = reader.section(root, "", CONFIG, _OF_SWEEPS)
     top = found.nodes
     name = found.read("name") if "name" in top else _stem(reader, root, path)
     kind = strips.topology(reader, top.get("topology"))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,7 +14,7 @@ from ribbon_cli.parts import HALF_WIDTH, PARAMETERS
 from ribbon_cli.plot.canvas import Figure
 from ribbon_cli.plot.labels import legend_above, parameter_text, plain
 from ribbon_cli.plot.style import INK, MOST_LOOKS, Style, marked_look
-from ribbon_cli.report.rows import Column, Row, Rows
+from ribbon_cli.report.rows import Column, Rows
 from ribbon_cli.store import suggest
 
 OPEN = "no certificate"
@@ -101,13 +101,13 @@ def _goes_with(table: Rows, column: Column, other: Column) -> bool:
     return all(seen.setdefault(key, value) == value for key, value in pairs)
 
 
-def curves(table: Rows, columns: Chosen) -> list[tuple[tuple[Any, ...], list[Row]]]:
+def curves(table: Rows, columns: Chosen) -> list[tuple[tuple[Any, ...], list[Mapping[str, Any]]]]:
     """The rows of each curve, along it, by the values that name it.
 
     Of several states at one place it is the finest one, and of these a certified one. Raises UsageError.
     """
     axis, meshed = columns.over, "segments" in {columns.over.name, *(c.name for c in columns.by)}
-    best: dict[tuple[Any, ...], dict[float, Row]] = {}
+    best: dict[tuple[Any, ...], dict[float, Mapping[str, Any]]] = {}
     for row in table.rows:
         x, y = row.get(axis.name), row.get(columns.of.name)
         if x is None or y is None or y != y:
@@ -125,7 +125,7 @@ def curves(table: Rows, columns: Chosen) -> list[tuple[tuple[Any, ...], list[Row
     return [(name, [curve[x] for x in sorted(curve)]) for name, curve in best.items()]
 
 
-def _rank(row: Row, meshed: bool) -> tuple[int, bool]:
+def _rank(row: Mapping[str, Any], meshed: bool) -> tuple[int, bool]:
     """Which of two states at one place is shown."""
     return (0 if meshed else int(row.get("segments") or 0)), bool(row.get("certified"))
 

@@ -20,7 +20,6 @@ from ribbon_cli.text import aligned, visible
 MISSING = "-"
 KINDS = {"float64": "number", "int64": "number", "bool": "truth", "utf-8": "text"}
 """What a column holds, in the words of conditions."""
-Row = Mapping[str, Any]
 
 
 @dataclass(frozen=True)
@@ -44,7 +43,7 @@ class Rows:
     """
 
     columns: tuple[Column, ...]
-    rows: tuple[Row, ...]
+    rows: tuple[Mapping[str, Any], ...]
     shown: tuple[str, ...] = ()
     keys: tuple[str, ...] = ()
 

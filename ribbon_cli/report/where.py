@@ -11,7 +11,7 @@ import ast
 import math
 import operator
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, Protocol
 
 from ribbon_cli.errors import UsageError
 from ribbon_cli.store import suggest
@@ -20,8 +20,13 @@ LONGEST = 2000
 """Characters of a condition."""
 EQUAL = 1e-9
 
-Row = Mapping[str, Any]
-Condition = Callable[[Row], bool]
+
+class Condition(Protocol):
+    """Tells whether it holds of a row."""
+
+    def __call__(self, row: Mapping[str, Any], /) -> bool:
+        """Whether it holds."""
+
 
 _ORDERS: dict[type, Callable[[Any, Any], bool]] = {
     ast.Lt: operator.lt,
@@ -95,7 +100,7 @@ class _Reader:
             raise self._wrong(right, "true and false are compared by == or !=")
         return lambda row: _both(first(row), second(row), order)
 
-    def _side(self, node: ast.expr) -> tuple[Callable[[Row], Any], str]:
+    def _side(self, node: ast.expr) -> tuple[Callable[[Mapping[str, Any]], Any], str]:
         """A side of a comparison and its kind."""
         match node:
             case ast.Constant(value=value) if isinstance(value, bool):

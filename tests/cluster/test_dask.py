@@ -153,6 +153,7 @@ def test_a_killed_scheduler_leaves_what_is_committed(tmp_path, cluster, whole):
     line = ("--dask", dask.address)
     process = begun(tmp_path, BANDS, 4, *line)
     runs = workers_of(dask.nanny.pid)
+    assert len(runs) == 2
     dask.scheduler.kill()
     _, told = process.communicate(timeout=120)
     assert process.returncode == 3, told
