@@ -63,6 +63,7 @@ def timed(folder: Path, *words: str) -> tuple[float, float]:
     took = time.perf_counter() - started
     if done.returncode:
         raise RuntimeError(f"{words}: exit code {done.returncode}: {done.stderr.decode()[-300:]}")
+    sys.stderr.write(f"{' '.join(words)}: {took:.2f} s\n")
     return took, int((folder / "peak").read_text()) / 1024.0
 
 

@@ -57,8 +57,8 @@ class _Column(NamedTuple):
         return self.key.text.split(".")
 
 
-_Member = dict[str, tuple[Node, Node]]
-"""One member of a group, or a point: key and value by dotted key."""
+_Pair = tuple[Node, Node]
+"""A key and its value; a point has one for each dotted key."""
 
 
 def load_sweep(path: str | os.PathLike[str]) -> Sweep:
@@ -187,7 +187,7 @@ def _spelled(number: float) -> str:
 _WORD = Node(1, 1, "scalar", "name")
 
 
-def _places(groups: Sequence[Sequence[_Column]]) -> list[_Member]:
+def _places(groups: Sequence[Sequence[_Column]]) -> list[dict[str, _Pair]]:
     """Key and value of every point, by dotted key: the members of one group with those of the others."""
     members = [
         [
@@ -217,7 +217,7 @@ class _Points:
         self._name = name
         self._files = files
         self._places = _places(groups)
-        self._wrong: dict[Mistake, list[_Member]] = {}
+        self._wrong: dict[Mistake, list[dict[str, _Pair]]] = {}
 
     def all(self) -> tuple[Point, ...]:
         """Every point. Raises ConfigError with what is wrong with any of them."""
@@ -243,7 +243,7 @@ class _Points:
             raise self._mistakes.error()
         return tuple(points.values())
 
-    def _config(self, place: _Member) -> Config | None:
+    def _config(self, place: dict[str, _Pair]) -> Config | None:
         """The config of a point, None with what is wrong on record."""
         sweep, base = self._files
         own = Mistakes(sweep)
@@ -262,7 +262,7 @@ class _Points:
                     self._wrong.setdefault(mistake, []).append(place)
             return None
 
-    def _tell(self, mistake: Mistake, places: Sequence[_Member]) -> None:
+    def _tell(self, mistake: Mistake, places: Sequence[dict[str, _Pair]]) -> None:
         """Record a mistake that these points have: where it stands or, if the base config is right by itself,
         at the value that does not go with it.
         """
@@ -276,7 +276,7 @@ class _Points:
             line, column, file = value.line, value.column, ""
         self._mistakes.add(line, column, field, message, "" if file == self._files[0] else file)
 
-    def _read(self, place: _Member, config: Config) -> dict[str, Any]:
+    def _read(self, place: dict[str, _Pair], config: Config) -> dict[str, Any]:
         """What varies, as the config understood it; as it is spelled where that is the default."""
         resolved = config.resolved()
         values = {}
