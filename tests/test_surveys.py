@@ -5,11 +5,14 @@ from __future__ import annotations
 import json
 import math
 import os
+import signal
+import time
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from cli_support import run, spawn, states_on_disk
 from click.testing import CliRunner
 from test_everted_moebius import load, start
 
@@ -25,7 +28,7 @@ from ribbon_cli.pages.survey import survey_page
 from ribbon_cli.parts import CLOSED, Ends
 from ribbon_cli.solver.arclength import nearest
 from ribbon_cli.solver.climbing import climb
-from ribbon_cli.store import Run
+from ribbon_cli.store import Run, list_runs
 from ribbon_cli.store.events import SurveyStart, read_event
 from ribbon_cli.study.acceptance import options_for
 from ribbon_cli.surveys import Findings, Request, findings, survey_config
@@ -269,6 +272,30 @@ def test_workers_change_nothing(surveyed: Run, tmp_path: Path) -> None:
     several = survey_config(made(), tmp_path, replace(REQUEST, workers=2)).run
     assert hashes(several) == hashes(surveyed)
     assert plain(findings(several)) == plain(findings(surveyed))
+
+
+@pytest.mark.long
+def test_a_survey_that_is_killed_goes_on_to_the_same_bytes(surveyed: Run, tmp_path: Path) -> None:
+    """Its workers end with it, and what they had in hand is computed again."""
+    (tmp_path / "small.yaml").write_text(CONFIG)
+    words = ("survey", "small.yaml", "--starts", "5", "--climb", "1", "-q", "--workers", "2")
+    for wanted in (1, 2, 4):
+        with spawn(*words, cwd=tmp_path) as process:
+            while states_on_disk(tmp_path) < wanted and process.poll() is None:
+                time.sleep(0.005)
+            children = Path(f"/proc/{process.pid}/task/{process.pid}/children")
+            workers = children.read_text().split() if children.exists() else []
+            process.send_signal(signal.SIGKILL)
+            process.communicate(timeout=60)
+        deadline = time.monotonic() + 60
+        while any(Path(f"/proc/{worker}").exists() for worker in workers) and time.monotonic() < deadline:
+            time.sleep(0.05)
+        assert not [worker for worker in workers if Path(f"/proc/{worker}").exists()]
+    done = run(*words, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    (again,) = list_runs(tmp_path / "runs")
+    assert hashes(again) == hashes(surveyed)
+    assert plain(findings(again)) == plain(findings(surveyed))
 
 
 def plain(found: Findings) -> Findings:

@@ -146,7 +146,7 @@ class _Survey:
         run, kinds = self.journal.run, Kinds(self.guard)
         for _, event in sorted(starts_of(run).items()):
             for end in event.ends:
-                if end.stored is None:
+                if end.stored is None or end.stored not in run.entries():
                     continue
                 shape = shape_of(run.load(end.stored))
                 known = next((kind for kind in kinds.known if kind.label == end.found), None)
@@ -212,7 +212,9 @@ class _Survey:
         """The equilibria that were met on a finer mesh."""
         kinds, run = Kinds(self.guard), self.journal.run
         for event in run.events():
-            if not isinstance(event, SurveyFollowed) or event.segments != level or event.label is None:
+            if not isinstance(event, SurveyFollowed) or event.segments != level:
+                continue
+            if event.label is None or event.label not in run.entries():
                 continue
             if all(kind.label != event.label for kind in kinds.known):
                 kinds.add(event.label, shape_of(run.load(event.label)))
