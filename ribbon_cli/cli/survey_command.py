@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import asdict
 
 import click
 
 from ribbon_cli import config as configs
-from ribbon_cli import pages, store, surveys
+from ribbon_cli import pages, store, surveys, sweeps
 from ribbon_cli.api.targets import check_target
 from ribbon_cli.cli.completion import complete_file
 from ribbon_cli.cli.numbers import whole
@@ -65,7 +64,7 @@ def survey(
     if output is not None:
         check_target(output, overwrite)
     loaded = configs.load_config(config)
-    request = surveys.Request(starts, seed, climb, workers or len(os.sched_getaffinity(0)))
+    request = surveys.Request(starts, seed, climb, workers or sweeps.cores())
     settings.commits = True
     with progress(settings) as shown:
         outcome = surveys.survey_config(loaded, settings.root, request, progress=shown, argv=settings.argv)
