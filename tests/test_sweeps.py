@@ -349,7 +349,10 @@ def test_the_script_for_slurm_is_a_shell_script_that_runs_points(mixed):
     """Run by sh with an index, it is the point of that index, and keeps its exit code."""
     text = ribbon("sweep", "mixed.yaml", "--script", "slurm").stdout
     assert "#SBATCH --array=0-3\n" in text
+    # The signal is for the job's own process, and what it wrote stays when it is requeued.
     assert "#SBATCH --signal=B:TERM@60\n" in text
+    assert "#SBATCH --open-mode=append\n" in text
+    assert text.splitlines()[-1].startswith("exec ")
     Path("job.sh").write_text(text)
     shutil.rmtree("runs")
     job = subprocess.run(

@@ -79,7 +79,8 @@ class Child:
         """Tell the process to end: one that is at work by a signal, which leaves a run that resumes."""
         if self.task is not None:
             self.process.terminate()
-        self.connection.close()
+        else:
+            self.connection.close()
 
     def gone(self, seconds: float) -> None:
         """Wait for its end for so long, then kill it."""
@@ -88,3 +89,4 @@ class Child:
         except subprocess.TimeoutExpired:
             self.process.kill()
             self.process.wait()
+        self.connection.close()

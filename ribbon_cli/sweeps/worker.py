@@ -9,9 +9,10 @@ import time
 from multiprocessing.connection import Connection
 from queue import SimpleQueue
 from threading import Thread
-from typing import Any
+from types import FrameType
+from typing import Any, NoReturn
 
-from ..study.process import Stopped, heed
+from ..study.process import Stopped, heed, stop
 from ..study.progress import Event, Step
 from .point import Task, solve_point
 
@@ -24,6 +25,8 @@ def main(descriptor: int) -> None:
     # Ctrl-C in a terminal is the parent's to hear.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     heed(signal.SIGTERM)
+    if signal.getsignal(signal.SIGTERM) is not signal.SIG_IGN:
+        signal.signal(signal.SIGTERM, _stop_once)
     connection: Connection[Any, Any] = Connection(descriptor)
     tasks: SimpleQueue[Task] = SimpleQueue()
     Thread(target=_listen, args=(connection, tasks), daemon=True).start()
@@ -40,6 +43,12 @@ def main(descriptor: int) -> None:
         sys.exit(128 + stopped.number)
     except OSError:  # nobody listens
         sys.exit(128 + signal.SIGTERM)
+
+
+def _stop_once(number: int, frame: FrameType | None) -> NoReturn:
+    """Stop at the first signal, and let locks go undisturbed by a second."""
+    signal.signal(number, signal.SIG_IGN)
+    stop(number, frame)
 
 
 def _listen(connection: Connection[Any, Any], tasks: SimpleQueue[Task]) -> None:
