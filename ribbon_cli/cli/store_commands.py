@@ -41,7 +41,7 @@ _WHOLE_CONFIGS = ("config_text", "config_resolved")
 @common_options
 @pass_settings
 def ls(settings: Settings, run: str | None, everything: bool, status: str | None, kind: str | None) -> int:
-    """List the runs, the equilibria of a RUN, or the points of a SWEEP.
+    """List runs, equilibria of a RUN, or points of a SWEEP.
 
     Of runs it says how far they have come: how many of the equilibria that the config names are done, in
     hand, waiting or failed. RUN@b=0.5 and RUN@b=0.5,N=400 list the states of a width or mesh. Of points it
