@@ -161,7 +161,7 @@ def test_the_schedulers_own_variable_chooses_the_point(mixed, monkeypatch):
     assert ribbon("sweep", "mixed.yaml", "--workers", "2").stdout == "mixed: 3 done, 1 failed\n"
 
 
-@pytest.mark.parametrize("index", ["4", "-1", "x", "1:2:3:4", "2:2", "0:4:0", "9:9"])
+@pytest.mark.parametrize("index", ["4", "-1", "x", "1:2:3:4", "2:2", "0:4:00", "9:9"])
 def test_indices_that_name_no_point_are_refused(mixed, index):
     result = ribbon("sweep", "mixed.yaml", "--array-index", index)
     assert (result.exit_code, result.stdout) == (2, "")
@@ -182,6 +182,9 @@ def test_a_dry_run_tells_the_cost_and_writes_nothing(mixed):
     assert costs[2] == study.plan_of(config).cost
     result = ribbon("sweep", "mixed.yaml", "--dry-run")
     assert result.stdout.splitlines()[-1].startswith("0 of 4 runs left, about 0.0 s on one core")
+    one = ribbon("sweep", "mixed.yaml", "--dry-run", "--retry", "--array-index", "2").stdout
+    assert one.splitlines()[1].startswith("mixed-n3-schoenke-b1.7-")
+    assert "1 of 1 runs left" in one
 
 
 def test_invalid_points_are_all_told_before_anything_runs(folder):

@@ -93,9 +93,9 @@ def _chosen(settings: Settings, loaded: configs.Sweep, text: str | None) -> rang
     if text is None:
         return None
     words = text.split(":")
-    if len(words) > 3 or not all(word.isdecimal() and len(word) < 10 for word in words) or words[2:] == ["0"]:
+    numbers = [int(word) for word in words if word.isascii() and word.isdecimal() and len(word) < 10]
+    if not len(words) == len(numbers) <= 3 or numbers[2:] == [0]:
         raise UsageError(f"{source}: must be a point's number, from 0, or I:END:STEP, got {text!r}")
-    numbers = [int(word) for word in words]
     chosen = range(numbers[0], numbers[0] + 1) if len(numbers) == 1 else range(*numbers)
     if not chosen or chosen[-1] >= count:
         raise UsageError(f"{source}: {text}: the sweep has points 0 to {count - 1}")
@@ -139,6 +139,8 @@ def _report(settings: Settings, outcome: sweeps.SweepOutcome) -> int:
 
 def _show_plan(settings: Settings, record: store.SweepRecord, left: sweeps.Left, workers: int | None) -> None:
     """Print what is left to run, and its cost as `ribbon check` tells it."""
+    words = {task.run: duration(task.cost) for task in left.tasks}
+    words |= {run: result.status for run, result in left.passed.items()}
     asked = [task.point.config for task in left.tasks]
     count, why = sweeps.workers_for(workers, asked)
     if settings.json:
@@ -147,14 +149,13 @@ def _show_plan(settings: Settings, record: store.SweepRecord, left: sweeps.Left,
             {"name": point.name, "run": point.run, "values": dict(point.values), "left": point.run in costs}
             | {"cost_seconds": costs.get(point.run, 0.0)}
             for point in record.points
+            if point.run in words
         ]
         emit_json({"sweep": record.name, "points": points, "workers": count, "cost_seconds": left.cost})
         return
-    words = {task.run: duration(task.cost) for task in left.tasks}
-    words |= {run: result.status for run, result in left.passed.items()}
-    rows = [[point.run, words[point.run]] for point in record.points]
+    rows = [[point.run, words[point.run]] for point in record.points if point.run in words]
     emit(
-        f"{columns(['run', 'cost'], rows)}\n\n{len(left.tasks)} of {len(record.points)} runs left, "
+        f"{columns(['run', 'cost'], rows)}\n\n{len(left.tasks)} of {len(words)} runs left, "
         f"about {duration(left.cost)} on one core, {duration(left.cost / count)} on {count}"
     )
     if why:
