@@ -31,21 +31,21 @@ _WHOLE_CONFIGS = ("config_text", "config_resolved")
 
 @click.command()
 @click.argument("run", metavar="[RUN|SWEEP]", required=False, shell_complete=complete_listed)
-@click.option("--all", "everything", is_flag=True, help="All kinds of state; all runs, those set aside too.")
+@click.option(
+    "--all", "everything", is_flag=True, help="All kinds of state; all runs, including those set aside."
+)
 @click.option(
     "--status", metavar="WORD", shell_complete=complete_status, help="Only runs, or states, with this status."
 )
-@click.option(
-    "--kind", metavar="KIND", shell_complete=complete_kind, help="Only states of this kind, whichever it is."
-)
+@click.option("--kind", metavar="KIND", shell_complete=complete_kind, help="Only states of this kind.")
 @common_options
 @pass_settings
 def ls(settings: Settings, run: str | None, everything: bool, status: str | None, kind: str | None) -> int:
     """List runs, equilibria of a RUN, or points of a SWEEP.
 
-    Of runs it says how far they have come: how many of the equilibria that the config names are done, in
-    hand, waiting or failed. RUN@b=0.5 and RUN@b=0.5,N=400 list the states of a width or mesh. Of points it
-    says whether they are done, failed and why, running, unfinished or missing.
+    For each run it shows how many of the equilibria that the config asks for are done, running, waiting or
+    failed. RUN@b=0.5 and RUN@b=0.5,N=400 list the states of a width or mesh. For each point of a
+    sweep it shows whether it is done, failed and why, running, unfinished or missing.
     """
     record = None if run is None else store.find_sweep(settings.root, run)
     if record is not None:
@@ -111,7 +111,7 @@ def _list_states(settings: Settings, ref: str, everything: bool, status: str | N
 
 
 def _known(name: str, word: str | None, known: Iterable[str]) -> None:
-    """Refuse an option's value that can match nothing. Raises UsageError."""
+    """Refuse an option's value that cannot match anything. Raises UsageError."""
     if word is not None and word not in known:
         raise UsageError(f"--{name}: {word!r} is none of {', '.join(known)}{store.suggest(word, known)}")
 
@@ -132,13 +132,13 @@ def _emptiness(run: store.Run) -> str:
 def show(settings: Settings, ref: str) -> None:
     """Show a state and its certificate, or a run.
 
-    Of a state all but its arrays, provenance included; of a run its config, history and branches.
+    For a state: everything except its arrays. For a run: its config, history and branches.
     """
     (_show_state if store.names_state(ref) else _show_run)(settings, ref)
 
 
 def _show_state(settings: Settings, ref: str) -> None:
-    """Show all of a state but its arrays, whole configs in JSON alone."""
+    """Show everything about a state except its arrays; whole configs only in JSON."""
     run, record, path = api.open_state(ref, settings.runs, teller(settings))
     document = {
         **store.Summary.of(record).listed(run.name if run else None),

@@ -10,6 +10,7 @@ from .parse import parse_config as parse_config
 from .sweep import load_sweep as load_sweep
 from .sweep_types import Point as Point
 from .sweep_types import Sweep as Sweep
+from .template_files import about_template as about_template
 from .template_files import template as template
 from .template_files import templates as templates
 from .types import STOPS as STOPS
