@@ -34,7 +34,7 @@ class Library:
 
     def run(self, config: str) -> ribbon.OpenRun:
         """The run of a config, solved to its end as far as it goes. Raises ConfigError, StoreError."""
-        return ribbon.open(self._outcome(config).run)
+        return ribbon.OpenRun.of(self._outcome(config).run)
 
     def failures(self, config: str) -> tuple[str, ...]:
         """What a config's run was to reach and did not, a line each."""

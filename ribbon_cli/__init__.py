@@ -25,7 +25,9 @@ if TYPE_CHECKING:
         open_sweep,
         points,
         solve,
+        survey,
         sweep,
+        table,
     )
     from ribbon_cli.api import open as open
     from ribbon_cli.config import Config, load_config
@@ -50,7 +52,9 @@ __all__ = [
     "open_sweep",
     "points",
     "solve",
+    "survey",
     "sweep",
+    "table",
 ]
 """What `from ribbon_cli import *` brings: not `open`, which is Python's own there."""
 
@@ -72,7 +76,9 @@ _HOMES = {
     "open_sweep": "api",
     "points": "api",
     "solve": "api",
+    "survey": "api",
     "sweep": "api",
+    "table": "api",
 }
 
 

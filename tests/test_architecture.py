@@ -40,6 +40,7 @@ RANKS = {
     "analysis": 8,
     "sweeps": 8,
     "verify": 8,
+    "surveys": 8,
     "pages": 9,
     "api": 10,
     "cli": 11,

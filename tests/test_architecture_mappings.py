@@ -32,7 +32,10 @@ REASONS = {
         export.vtkhdf._step""",
     "symmetries by name": "analysis.stability._characters report.spectra.Mode",
     "columns of a table by name": """
-        report.tables.records report.tables._record report.tables.csv_text export.text.csv_bytes
+        report.tables.records report.tables._record report.tables.csv_text report.rows report.rows.Rows
+        report.rows.records report.where._Reader.__init__ report.where._Reader._side report.where.condition
+        report.where.Condition.__call__ plot.fields._column plot.fields._goes_with plot.fields._rank
+        plot.fields.curves export.text.csv_bytes
         export.text._end_row""",
     "values of parameters, of those that a problem has or that a leg moves": """
         report.tables._nested study.failure.halved_kind study.outcome.CoursePoint study.plan.Goal

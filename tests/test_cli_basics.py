@@ -13,7 +13,8 @@ import pytest
 from cli_support import COMMAND, QUICK_MOBIUS, QUICK_RING, QUICK_SCHOENKE, environment, ribbon, run
 from store_support import make_run
 
-from ribbon_cli import errors
+from ribbon_cli import errors, sweeps
+from ribbon_cli.api import names as api_names
 from ribbon_cli.cli.main import cli
 from ribbon_cli.cli.output import emit
 
@@ -36,7 +37,7 @@ def test_help_lists_the_commands_in_the_order_of_use():
     assert result.exit_code == 0
     assert result.stdout == ribbon("--help").stdout == ribbon("-h").stdout
     names = [line.split()[0] for line in result.stdout.partition("Commands:\n")[2].splitlines()]
-    assert names[:4] == ["init", "check", "solve", "refine"]
+    assert names[:6] == ["init", "check", "solve", "sweep", "survey", "refine"]
     assert "..." not in result.stdout.partition("Commands:\n")[2]
 
 
@@ -244,3 +245,7 @@ def test_sigterm_before_anything_is_committed(tmp_path):
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (128 + signal.SIGTERM, "")
     assert done.stderr == "ribbon: interrupted by SIGTERM\n"
+
+
+def test_kinds_of_scripts_are_named_without_what_writes_them() -> None:
+    assert sweeps.SCRIPTS == api_names.SCRIPTS

@@ -7,11 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench.survey import climbed, random_band
 from ribbon_cli.config import ConfigError, dump_resolved, load_config, parse_config
 from ribbon_cli.model.band import Band, State
 from ribbon_cli.model.folding import from_state
-from ribbon_cli.model.problem import Problem
 from ribbon_cli.model.symmetry import find_symmetries
 from ribbon_cli.model.topology import linking_number
 from ribbon_cli.recipes.cylinder import cylinder
@@ -188,27 +186,3 @@ def test_to_leave_is_the_default_and_changes_no_name() -> None:
     )
     assert plain.hash8() == leaving.hash8() != keeping.hash8()
     assert parse_config(dump_resolved(keeping), "b.yaml").guess.keep_saddle
-
-
-# --- the survey ---
-
-
-def test_the_survey_climbs_to_a_saddle_of_the_index_asked_for() -> None:
-    """From a point beside family A at N = 80 a climb along one mode leads back to it."""
-    found = nearest(load(start("A", 80)))
-    rng = np.random.default_rng(1)
-    problem = Problem(found.state.band)
-    moved = found.x + 1e-4 * rng.normal(size=found.x.size)
-    end = climbed(problem, moved, 1)
-    assert not isinstance(end, str)
-    assert (end.index, end.inflections) == (1, 3)
-    assert end.energy == pytest.approx(found.energy, abs=1e-9)
-
-
-def test_random_bands_have_one_half_twist() -> None:
-    rng, band = np.random.default_rng(5), Band(30, 0.2, sigma=-1)
-    made = [state for state in (random_band(band, rng) for _ in range(30)) if state is not None]
-    assert made
-    for state in made:
-        assert linking_number(state.u, state.g, -1, band.h).linking_number == pytest.approx(0.5)
-        assert np.abs(Problem(band).constraints(state.vector())).max() < 1e-9

@@ -17,11 +17,11 @@ sys.path.insert(0, str(DOCS / "site"))
 
 from notebook_page import run_cell  # noqa: E402
 
-NOTEBOOK = DOCS / "notebook.ipynb"
+NOTEBOOKS = ("notebook.ipynb", "sweep-notebook.ipynb")
 
 
-def cells() -> list[str]:
-    document = json.loads(NOTEBOOK.read_text(encoding="utf-8"))
+def cells(name: str) -> list[str]:
+    document = json.loads((DOCS / name).read_text(encoding="utf-8"))
     assert (document["nbformat"], document["nbformat_minor"]) == (4, 5)
     assert len({cell["id"] for cell in document["cells"]}) == len(document["cells"])
     return ["".join(cell["source"]) for cell in document["cells"] if cell["cell_type"] == "code"]
@@ -35,8 +35,9 @@ def pictures():
     matplotlib.pyplot.close("all")
 
 
-def test_the_notebook_imports_nothing_else():
-    trees = [ast.parse(text) for text in cells()]
+@pytest.mark.parametrize("name", NOTEBOOKS)
+def test_the_notebook_imports_nothing_else(name):
+    trees = [ast.parse(text) for text in cells(name)]
     imports = [
         node for tree in trees for node in ast.walk(tree) if isinstance(node, ast.Import | ast.ImportFrom)
     ]
@@ -48,7 +49,7 @@ def test_the_notebook_runs(tmp_path, monkeypatch, pictures):
     monkeypatch.chdir(tmp_path)
     monkeypatch.delenv("RIBBON_RUNS", raising=False)
     names: dict[str, Any] = {}
-    shown = {text: run_cell(text, names) for text in cells()}
+    shown = {text: run_cell(text, names) for text in cells("notebook.ipynb")}
     outputs = {text: one.kind if one.kind == "picture" else one.text for text, one in shown.items()}
     last = {text.splitlines()[-1]: output for text, output in outputs.items()}
     assert last["outcome.exit_code"] == "0"
@@ -64,3 +65,17 @@ def test_the_notebook_runs(tmp_path, monkeypatch, pictures):
     assert (tmp_path / "band.stl").stat().st_size > 1000
     assert names["grid"].energy.shape == (3, 2)
     assert not names["grid"].energy.isnull().any()
+
+
+@pytest.mark.docs
+def test_the_notebook_of_a_sweep_runs(tmp_path, monkeypatch, pictures):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("RIBBON_RUNS", raising=False)
+    names: dict[str, Any] = {}
+    shown = [run_cell(text, names) for text in cells("sweep-notebook.ipynb")]
+    assert [one.kind for one in shown] == ["text", "html", "picture", "html", "picture", "picture"]
+    assert shown[0].text == "12"
+    assert names["energy"].dims == ("n", "b")
+    assert names["energy"].shape == (3, 4)
+    assert not names["energy"].isnull().any()
+    assert (names["energy"].diff("n") > 0).all()

@@ -5,8 +5,12 @@ from . import datasets as datasets
 from . import drawing as drawing
 from . import exporting as exporting
 from . import following as following
+from . import gathering as gathering
+from . import sweep_datasets as sweep_datasets
+from . import sweep_drawing as sweep_drawing
 from . import tables as tables
 from .following import Followed as Followed
+from .gathering import table as table
 from .opening import load_state as load_state
 from .opening import open_state as open_state
 from .opening import solve as solve
@@ -14,6 +18,7 @@ from .run import OpenRun as OpenRun
 from .run import open as open
 from .spectrum import Spectrum as Spectrum
 from .state import OpenState as OpenState
+from .surveying import survey as survey
 from .sweeps import OpenPoint as OpenPoint
 from .sweeps import OpenSweep as OpenSweep
 from .sweeps import open_sweep as open_sweep

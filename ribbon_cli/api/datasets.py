@@ -6,7 +6,7 @@ between runs do not survive `xarray.concat`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -66,26 +66,43 @@ def dataset(run: api.OpenRun, grid: bool | None, modes: int) -> Dataset:
             "half_width": ("label", np.array([state.half_width for state in states], dtype=np.float64)),
             "segments": ("label", np.array([state.segments for state in states], dtype=np.int64)),
         }
-    variables = {name: (dims, values) for name, values in _facts(run, chosen, shape, grid).items()}
-    if modes:
-        values, names = _spectra(run, chosen, shape, modes)
-        if values.shape[-1]:
-            inner = (*dims, "metric", "mode")
-            variables |= {"eigenvalue": (inner, values), "mode_label": (inner, names)}
-            coordinates |= {"metric": list(METRICS), "mode": np.arange(1, values.shape[-1] + 1)}
-    made: Dataset = xarray.Dataset(variables, coordinates, {"run": run.name})
+    placed = {place: (run, state) for place, state in chosen.items()}
+    without = _LEFT_OUT if grid else (*_LEFT_OUT, "label")
+    variables, spectral = variables_of(placed, dims, shape, modes, without)
+    made: Dataset = xarray.Dataset(variables, coordinates | spectral, {"run": run.name})
     return made
 
 
-def _facts(run: Run, chosen: Mapping[Cell, Summary], shape: Cell, grid: bool) -> dict[str, NDArray[Any]]:
+def variables_of(
+    placed: Mapping[Cell, tuple[Run, Summary]],
+    dims: tuple[str, ...],
+    shape: Cell,
+    modes: int,
+    without: Collection[str],
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Variables of states at their places, but for some facts, and the coordinates of their eigenvalues."""
+    variables: dict[str, Any] = {
+        name: (dims, values) for name, values in _facts(placed, shape, without).items()
+    }
+    values, names = _spectra(placed, shape, modes) if modes else (np.empty(0), np.empty(0))
+    if not values.shape[-1]:
+        return variables, {}
+    inner = (*dims, "metric", "mode")
+    variables |= {"eigenvalue": (inner, values), "mode_label": (inner, names)}
+    return variables, {"metric": list(METRICS), "mode": np.arange(1, values.shape[-1] + 1)}
+
+
+def _facts(
+    placed: Mapping[Cell, tuple[Run, Summary]], shape: Cell, without: Collection[str]
+) -> dict[str, NDArray[Any]]:
     """An array for each fact; where there is no state numbers are not-a-number and texts empty.
 
     Only `certified` is true or false: a missing state has no certificate. Other truth values are 1 and 0.
     """
-    rows = {place: flat(state, run.name) for place, state in chosen.items()}
+    rows = {place: flat(state, run.name) for place, (run, state) in placed.items()}
     arrays: dict[str, NDArray[Any]] = {}
-    for name, (dtype, _) in column_types(list(chosen.values())).items():
-        if name in _LEFT_OUT or (name == "label" and not grid):
+    for name, (dtype, _) in column_types([state for _, state in placed.values()]).items():
+        if name in without:
             continue
         if name == "certified":
             array: NDArray[Any] = np.zeros(shape, dtype=bool)
@@ -101,10 +118,10 @@ def _facts(run: Run, chosen: Mapping[Cell, Summary], shape: Cell, grid: bool) ->
 
 
 def _spectra(
-    run: Run, chosen: Mapping[Cell, Summary], shape: Cell, modes: int
+    placed: Mapping[Cell, tuple[Run, Summary]], shape: Cell, modes: int
 ) -> tuple[NDArray[np.float64], NDArray[np.str_]]:
     """The lowest stored eigenvalues, rotations among them, and the names of their modes, by metric."""
-    stored = {place: run.load(state.label).spectra for place, state in chosen.items()}
+    stored = {place: run.load(state.label).spectra for place, (run, state) in placed.items()}
     longest = max((len(s.values) for spectra in stored.values() for s in spectra), default=0)
     inner = (*shape, len(METRICS), min(modes, longest))
     values, names = np.full(inner, np.nan), np.full(inner, "", dtype=object)

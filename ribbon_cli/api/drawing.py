@@ -9,11 +9,11 @@ from dataclasses import dataclass
 from functools import partial
 
 from ribbon_cli import analysis, export, plot
-from ribbon_cli.api.names import PLOT_KINDS
+from ribbon_cli.api.names import OF_TABLES, PLOT_KINDS
 from ribbon_cli.errors import RibbonWarning, UsageError
 from ribbon_cli.store import Run, StateRecord, suggest
 
-_SEEN = ("shape", "family", "mode")
+_SEEN = ("shape", "family", "mode", "shapes")
 _ON_ONE_GRID = ("geometry", "multipliers", "branch", "family")
 _OF_A_RUN = ("convergence", "branch", "family")
 _OF_RUNS = ("spectrum", "branch")
@@ -57,6 +57,16 @@ def check_kind(
         raise UsageError(f"--segments does nothing for {kind}: it is for {', '.join(_ON_ONE_GRID)} of a run")
     if others and kind in _OF_A_RUN and kind not in _OF_RUNS:
         raise UsageError(f"--with does nothing for {kind}, which shows a run: it goes with a state")
+
+
+def check_choice(kind: str, choice: plot.fields.Choice, where: str | None) -> None:
+    """Refuse columns and conditions where there is no table. Raises UsageError."""
+    given = {"--of": choice.of, "--over": choice.over, "--by": choice.by}
+    told = next((option for option, value in given.items() if value is not None), None)
+    if told and kind != "table":
+        raise UsageError(f"{told} goes with the kind table")
+    if where is not None and kind not in OF_TABLES:
+        raise UsageError(f"--where goes with the kinds {' and '.join(OF_TABLES)}")
 
 
 def check_title(title: str | None) -> None:

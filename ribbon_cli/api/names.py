@@ -12,7 +12,13 @@ PLOT_KINDS = (
     "family",
     "mode",
     "pattern",
+    "table",
+    "shapes",
 )
 """Kinds of picture, as in `plot.kinds.KINDS`."""
+OF_TABLES = ("table", "shapes")
+"""Those of several runs and of sweeps."""
 EXPORT_FORMATS = ("npz", "vtkhdf", "obj", "stl", "ply", "glb", "csv", "json", "svg", "pdf", "fold", "html")
 """Formats of `export.formats` and npz, which are the files' suffixes as well."""
+SCRIPTS = ("slurm",)
+"""Kinds of `sweeps.script.SCRIPTS`."""

@@ -33,10 +33,10 @@ def solve(
     """
     root = runs_root(runs_text(runs))
     with watched(progress) as shown:
-        return study.solve_config(_config(config), root, fresh=fresh, progress=shown, argv=sys.argv)
+        return study.solve_config(config_of(config), root, fresh=fresh, progress=shown, argv=sys.argv)
 
 
-def _config(source: str | os.PathLike[str] | Mapping[str, Any] | configs.Config) -> configs.Config:
+def config_of(source: str | os.PathLike[str] | Mapping[str, Any] | configs.Config) -> configs.Config:
     """The config that a user hands over. Raises ConfigError, TypeError."""
     if isinstance(source, str | os.PathLike):
         return configs.load_config(path_text("config", source))

@@ -18,7 +18,7 @@ from ribbon_cli.api.opening import path_text, runs_text
 from ribbon_cli.api.tables import as_found, damage_in_words, frame
 from ribbon_cli.errors import RibbonWarning, UsageError
 from ribbon_cli.parts import HALF_WIDTH, PARAMETERS
-from ribbon_cli.store import Run, Summary, find_run, names_state, runs_root, suggest
+from ribbon_cli.store import Run, Summary, find_run, find_sweep, names_state, runs_root, suggest
 from ribbon_cli.store.refs import select
 
 if TYPE_CHECKING:
@@ -28,8 +28,10 @@ if TYPE_CHECKING:
     from ribbon_cli.report.convergence import Table
 
 
-def open(run: str | os.PathLike[str] | Run, runs: str | os.PathLike[str] | None = None) -> OpenRun:
-    """Open a run by its name, a unique prefix of it, or its folder; or one that an outcome holds.
+def open(
+    run: str | os.PathLike[str] | Run, runs: str | os.PathLike[str] | None = None
+) -> OpenRun | api.OpenSweep:
+    """Open a run by its name, a unique prefix of it, or its folder; an outcome's run, or a sweep.
 
     `runs` is the folder of the runs, by default RIBBON_RUNS, else ./runs. Raises UsageError where none or
     more than one fits, TypeError for arguments of other types.
@@ -39,9 +41,12 @@ def open(run: str | os.PathLike[str] | Run, runs: str | os.PathLike[str] | None 
     text = path_text("run", run)
     if isinstance(run, os.PathLike):
         return OpenRun(Run.open(text).path)
+    root = runs_root(runs_text(runs))
+    if find_sweep(root, text) is not None:
+        return api.open_sweep(text, root)
     if names_state(text) and ("@" in text or ":" in text):
         raise UsageError(f"{text!r} names a state: open its run, then use at() or state()")
-    return OpenRun.of(find_run(runs_root(runs_text(runs)), text))
+    return OpenRun.of(find_run(root, text))
 
 
 class OpenRun(Run):

@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from typing import TYPE_CHECKING
 
+from ribbon_cli import sweeps
 from ribbon_cli.api.console import bar_over, on_terminal
 from ribbon_cli.digits import duration
 from ribbon_cli.study.progress import Note, Stage
-from ribbon_cli.sweeps import Began, Ended, SweepEvent, Waiting, Within
 from ribbon_cli.text import visible
 
 if TYPE_CHECKING:
@@ -21,7 +21,9 @@ _SHOWN = 3
 
 
 @contextmanager
-def sweep_console(verbose: bool, write: Callable[[str], object]) -> Iterator[Callable[[SweepEvent], object]]:
+def sweep_console(
+    verbose: bool, write: Callable[[str], object]
+) -> Iterator[Callable[[sweeps.SweepEvent], object]]:
     """The progress of a sweep on the command line; `write` is where its lines go."""
     with bar_over() if on_terminal() else nullcontext() as bar:
         yield SweepLines(verbose, write) if bar is None else SweepBar(bar, verbose)
@@ -33,36 +35,36 @@ class SweepLines:
     def __init__(self, verbose: bool, write: Callable[[str], object]) -> None:
         self._verbose = verbose
         self._put = write
-        self._began = Began(0, 0, 0.0, 1)
+        self._began = sweeps.Began(0, 0, 0.0, 1)
         self._since = time.monotonic()
         self._ended = self._failed = 0
         self._paid = 0.0
 
-    def __call__(self, event: SweepEvent) -> None:
+    def __call__(self, event: sweeps.SweepEvent) -> None:
         """Show an event."""
         match event:
-            case Began():
+            case sweeps.Began():
                 self._began, self._since = event, time.monotonic()
                 self._begin()
-            case Within():
+            case sweeps.Within():
                 self._within(event)
-            case Ended():
+            case sweeps.Ended():
                 self._ended += 1
                 self._failed += event.result.status == "failed"
                 self._paid += event.task.cost
                 self._end(event)
-            case Waiting():
+            case sweeps.Waiting():
                 runs = f"{len(event.runs)} run{'s' * (len(event.runs) > 1)}"
                 self._write(f"waiting for {runs} that others write to, first {event.runs[0]}: {event.holder}")
 
     def _begin(self) -> None:
         """A sweep begins: nothing to say."""
 
-    def _within(self, event: Within) -> None:
+    def _within(self, event: sweeps.Within) -> None:
         if self._verbose and isinstance(event.event, Stage | Note):
             self._write(f"    {event.task.point.name}: {event.event}")
 
-    def _end(self, event: Ended) -> None:
+    def _end(self, event: sweeps.Ended) -> None:
         result = event.result
         words = "; ".join(result.failures) if result.failures else f"done, {duration(result.seconds)}"
         left = self.time_left()
@@ -95,14 +97,14 @@ class SweepBar(SweepLines):
     def _begin(self) -> None:
         self._show()
 
-    def _within(self, event: Within) -> None:
+    def _within(self, event: sweeps.Within) -> None:
         if isinstance(event.event, Stage):
             part = (event.event.index - 1) / event.event.total
             self._in_hand[event.task.point.name] = event.task.cost * min(part, 1.0)
             self._show()
         super()._within(event)
 
-    def _end(self, event: Ended) -> None:
+    def _end(self, event: sweeps.Ended) -> None:
         self._in_hand.pop(event.task.point.name, None)
         self._show()
         if event.result.failures or self._verbose:

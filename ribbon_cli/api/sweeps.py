@@ -4,19 +4,26 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from ribbon_cli import api
+from ribbon_cli import api, plot
 from ribbon_cli.api.console import to_standard_error
+from ribbon_cli.api.extras import extra
+from ribbon_cli.api.gathering import Source, gathered
 from ribbon_cli.api.opening import path_text, runs_text
 from ribbon_cli.api.sweep_console import sweep_console
+from ribbon_cli.api.tables import data_frame
 from ribbon_cli.config import Point, load_sweep
 from ribbon_cli.errors import UsageError
 from ribbon_cli.store import find_sweep, keep_sweep, list_sweeps, record_of, runs_root, suggest
 from ribbon_cli.sweeps import SweepEvent, SweepOutcome, executor_for, run_sweep, what_is_left
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+    from xarray import Dataset
 
 
 @dataclass(frozen=True)
@@ -40,6 +47,55 @@ class OpenSweep:
     def keys(self) -> tuple[str, ...]:
         """The keys that vary."""
         return tuple(key for group in self.groups for key in group)
+
+    def table(self, all: bool = False, modes: int = 0) -> DataFrame:
+        """A row an equilibrium of any of its runs, or a state; the keys that vary come first.
+
+        `modes` is the number of lowest eigenvalues. Raises StoreError, ImportError without pandas.
+        """
+        pandas = extra("pandas", "sweep.table()")
+        return data_frame(pandas, gathered(self._sources(), all, modes))
+
+    def to_xarray(self, modes: int = 0) -> Dataset:
+        """The equilibria as a dataset over the keys that vary, by their dotted names.
+
+        Keys that go together share a dimension. Where runs have several half-widths or numbers of segments,
+        these are dimensions as well; of several states at one place it is the one that `at` takes. Facts are
+        variables; what has not been run is not-a-number. Raises UsageError for a sweep without equilibria,
+        StoreError, ImportError without xarray.
+        """
+        return api.sweep_datasets.dataset(self, modes)
+
+    def plot(
+        self,
+        kind: str = "table",
+        *,
+        of: str | None = None,
+        over: str | None = None,
+        by: Sequence[str] | None = None,
+        where: str | None = None,
+        style: str = "paper",
+        view: tuple[float, float] | None = None,
+        width: float | None = None,
+        title: str | None = None,
+        caption: bool = True,
+    ) -> plot.canvas.Figure:
+        """A picture as by `ribbon plot`: a figure of matplotlib, which shows itself in notebooks.
+
+        `kind` is table, a field `of` the table `over` another with a curve for each value of `by`, or shapes.
+        Raises UsageError.
+        """
+        api.drawing.check_kind(kind, None, view, None, ())
+        choice = plot.fields.Choice(of, over, None if by is None else tuple(by))
+        api.drawing.check_choice(kind, choice, where)
+        api.drawing.check_title(title)
+        look = plot.figure.find_style(style)
+        look = look if width is None else plot.style.of_width(look, width)
+        source = api.sweep_drawing.source_of_runs(kind, self._sources(), choice, where, view)
+        return plot.kinds.draw(kind, source, look).dressed(look, caption, title)
+
+    def _sources(self) -> list[Source]:
+        return [Source(p.run, self.name, p.values) for p in self.points if p.run is not None]
 
 
 def sweep(

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from ribbon_cli.api.extras import extra
+from ribbon_cli.report.rows import Column, Rows
 from ribbon_cli.store import Run, Summary
 from ribbon_cli.store.layout import BRANCH, STATE
 from ribbon_cli.store.record import REACTIONS
@@ -71,10 +73,16 @@ def column_types(states: Sequence[Summary]) -> dict[str, tuple[str, bool]]:
 
 def frame(run: Run, states: Sequence[Summary], what: str) -> DataFrame:
     """A data frame with a row for each of a run's states. Raises ImportError without pandas."""
-    pandas = extra("pandas", what)
-    known = column_types(states)
-    table = pandas.DataFrame([flat(state, run.name) for state in states], columns=list(known))
-    for name, (dtype, optional) in known.items():
-        gaps = optional or name.startswith("branch_")
-        table[name] = table[name].astype(_MAY_LACK if gaps and dtype == "int64" else _TYPES[dtype])
+    known = [Column(name, *rest) for name, rest in column_types(states).items()]
+    rows = tuple(flat(state, run.name) for state in states)
+    return data_frame(extra("pandas", what), Rows(tuple(known), rows))
+
+
+def data_frame(pandas: ModuleType, rows: Rows) -> DataFrame:
+    """A table as pandas has it: texts are objects, whole numbers that may be missing have gaps."""
+    table = pandas.DataFrame(list(rows.rows), columns=[column.name for column in rows.columns])
+    for column in rows.columns:
+        gaps = column.optional or column.name.startswith("branch_")
+        dtype = _MAY_LACK if gaps and column.dtype == "int64" else _TYPES[column.dtype]
+        table[column.name] = table[column.name].astype(dtype)
     return table

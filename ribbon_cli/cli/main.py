@@ -19,11 +19,13 @@ from ribbon_cli.cli.output import emit, emit_json
 from ribbon_cli.cli.plot_command import plot
 from ribbon_cli.cli.report_command import report_page
 from ribbon_cli.cli.rm_command import rm
+from ribbon_cli.cli.rows_command import table
 from ribbon_cli.cli.run_commands import pack, path, repair, rerun, unpack
 from ribbon_cli.cli.settings import Settings, common_options, pass_settings
 from ribbon_cli.cli.solve_commands import refine, solve
 from ribbon_cli.cli.spectrum_command import spectrum
 from ribbon_cli.cli.store_commands import ls, show
+from ribbon_cli.cli.survey_command import survey
 from ribbon_cli.cli.sweep_command import sweep
 from ribbon_cli.cli.table_command import convergence_table
 from ribbon_cli.cli.verify_command import verify
@@ -86,8 +88,8 @@ def completion(settings: Settings, shell: str | None) -> None:
 
 
 _COMMANDS = (
-    *(init, check, solve, sweep, refine, continue_, convergence_table, spectrum),
-    *(ls, show, compare, path, verify, repair, rerun, pack, unpack, rm),
+    *(init, check, solve, sweep, survey, refine, continue_, convergence_table, spectrum),
+    *(ls, show, table, compare, path, verify, repair, rerun, pack, unpack, rm),
     *(plot, export, report_page, schema, completion),
 )
 for _command in _COMMANDS:

@@ -8,7 +8,7 @@ import click
 
 from ribbon_cli import api, export, store
 from ribbon_cli import plot as pictures
-from ribbon_cli.api.names import PLOT_KINDS
+from ribbon_cli.api.names import OF_TABLES, PLOT_KINDS
 from ribbon_cli.api.targets import check_target
 from ribbon_cli.cli.completion import Word, complete_any, complete_file, complete_words
 from ribbon_cli.cli.output import emit, emit_json, say, teller, warn
@@ -48,6 +48,10 @@ from ribbon_cli.errors import UsageError
     type=click.IntRange(min=1),
     help="Number of the mode in ribbon spectrum STATE. Default: the lowest but the rotations.",
 )
+@click.option("--of", metavar="COLUMN", help="Of a table: the field that is drawn; else the energy.")
+@click.option("--over", metavar="COLUMN", help="Of a table: what it is drawn over; else what varies most.")
+@click.option("--by", metavar="COLUMN", multiple=True, help="Of a table: a curve for each of its values.")
+@click.option("--where", metavar="EXPR", help="Of a table: the rows to draw, as in ribbon table.")
 @click.option(
     "--view",
     metavar="AZIMUTH,ELEVATION",
@@ -74,6 +78,10 @@ def plot(
     look: str,
     others: tuple[str, ...],
     index: int | None,
+    of: str | None,
+    over: str | None,
+    by: tuple[str, ...],
+    where: str | None,
     view: str | None,
     segments: int | None,
     width: str | None,
@@ -81,7 +89,7 @@ def plot(
     no_caption: bool,
     overwrite: bool,
 ) -> None:
-    """Draw a state or a run, from what is stored.
+    """Draw a state, a run or a sweep, from what is stored.
 
     A mode is computed from the stored state, as by ribbon spectrum. With -o x.gif it is animated.
 
@@ -91,8 +99,11 @@ def plot(
     KIND of states or a run:   geometry, multipliers, spectrum
     KIND of a run:             convergence, family
     KIND of a run or runs:     branch
+    KIND of runs or sweeps:    table, shapes
     """
     api.drawing.check_kind(kind, index, view, segments, others)
+    choice = pictures.fields.Choice(of, over, by or None)
+    api.drawing.check_choice(kind, choice, where)
     style = pictures.figure.find_style(look)
     form = pictures.figure.figure_format(output, moving=kind == "mode") if output else "pdf"
     if width is not None:
@@ -100,10 +111,16 @@ def plot(
             raise UsageError("--width does nothing for a film, which is made of pixels")
         style = pictures.style.of_width(style, _millimetres(width))
     api.drawing.check_title(title)
-    first = named(settings, ref)
-    more = [named(settings, other) for other in others]
-    source = api.drawing.source_of(kind, first, more, _angles(view), segments, index)
-    path = output or f"{first.stem}-{kind}.pdf"
+    if kind in OF_TABLES:
+        stem = ref
+        source = api.sweep_drawing.source_of(
+            kind, settings.root, (ref, *others), choice, where, _angles(view)
+        )
+    else:
+        first = named(settings, ref)
+        more = [named(settings, other) for other in others]
+        stem, source = first.stem, api.drawing.source_of(kind, first, more, _angles(view), segments, index)
+    path = output or f"{stem}-{kind}.pdf"
     check_target(path, overwrite)
     picture = pictures.kinds.draw(kind, source, style)
     if form == pictures.figure.ANIMATED:
@@ -133,6 +150,8 @@ def _mode_document(mode: pictures.modes.ModeShape | None) -> dict[str, Any]:
 
 def named(settings: Settings, ref: str) -> api.drawing.Named:
     """What a reference names, with a word to standard error where it leaves a choice. Raises UsageError."""
+    if store.find_sweep(settings.root, ref) is not None:
+        raise UsageError(f"{ref} is a sweep: of sweeps there are {' and '.join(OF_TABLES)}")
     if not store.names_state(ref):
         return api.drawing.Named(ref, store.find_run(settings.root, ref))
     run, record, _ = api.open_state(ref, settings.runs, teller(settings))

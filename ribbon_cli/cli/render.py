@@ -9,12 +9,11 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from ribbon_cli import digits, study
+from ribbon_cli import digits, study, sweeps
 from ribbon_cli.export.words import MEETS_ITSELF, linking_name
 from ribbon_cli.parts import HALF_WIDTH, PARAMETERS
 from ribbon_cli.store import StateRecord, Summary, varying
 from ribbon_cli.store.events import Event, Removed
-from ribbon_cli.sweeps import PointStanding
 from ribbon_cli.text import aligned, ranges, visible
 
 MISSING = "-"
@@ -244,7 +243,7 @@ def counts_text(counts: Mapping[str, int]) -> str:
     return ", ".join(f"{count} {status}" for status, count in counts.items() if count) or "no points"
 
 
-def points_table(points: Iterable[PointStanding]) -> str:
+def points_table(points: Iterable[sweeps.PointStanding]) -> str:
     """Where the points of a sweep stand, and why."""
     rows = [[p.point.name, p.status, "; ".join(p.failures) or p.words] for p in points]
     return columns(["point", "status", "why"], rows)

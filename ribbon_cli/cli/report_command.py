@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from ribbon_cli import pages, store
+from ribbon_cli import pages, store, surveys
 from ribbon_cli.api.targets import check_target
 from ribbon_cli.cli.completion import complete_file, complete_run
 from ribbon_cli.cli.output import emit, emit_json
@@ -21,10 +21,11 @@ def report_page(settings: Settings, run: str, output: str | None, overwrite: boo
     """Write a RUN as one HTML page.
 
     Config, states with their certificates, pictures, convergence, stages and provenance, in one file that
-    needs no network.
+    needs no network. Of a survey: its equilibria, a picture of each, and how complete it is.
     """
     found = store.find_run(settings.root, run)
     path = output or f"{found.short_name}.html"
     check_target(path, overwrite)
-    store.write_atomic(path, pages.run.run_page(found), overwrite=overwrite)
+    made = pages.survey.survey_page(found) if surveys.is_survey(found) else pages.run.run_page(found)
+    store.write_atomic(path, made, overwrite=overwrite)
     emit_json({"path": path, "run": found.name}) if settings.json else emit(path)

@@ -10,6 +10,7 @@ import click
 
 from ribbon_cli import config as configs
 from ribbon_cli import store, sweeps
+from ribbon_cli.api.names import SCRIPTS
 from ribbon_cli.api.sweep_console import sweep_console
 from ribbon_cli.cli.completion import complete_file, complete_words
 from ribbon_cli.cli.numbers import whole
@@ -42,8 +43,8 @@ ARRAY_INDEX = "SLURM_ARRAY_TASK_ID"
 @click.option("--dry-run", is_flag=True, help="Print what is left to run and its cost, and run nothing.")
 @click.option(
     "--script",
-    type=click.Choice(sweeps.SCRIPTS),
-    shell_complete=complete_words(sweeps.SCRIPTS),
+    type=click.Choice(SCRIPTS),
+    shell_complete=complete_words(SCRIPTS),
     help="Print a script that runs the sweep as a job array.",
 )
 @common_options
@@ -58,7 +59,7 @@ def sweep(
     dry_run: bool,
     script: str | None,
 ) -> int:
-    """Run every point of SWEEP.yaml; the same line again resumes.
+    """Run all points of SWEEP.yaml; the same line resumes.
 
     A point that fails is named and stops no other; it is tried again with --retry. The exit code is 3 when
     one has failed. `ribbon ls NAME` tells where each point stands.

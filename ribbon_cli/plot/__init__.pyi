@@ -1,6 +1,7 @@
 from . import branches as branches
 from . import canvas as canvas
 from . import curves as curves
+from . import fields as fields
 from . import figure as figure
 from . import flat as flat
 from . import kinds as kinds

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
 from ribbon_cli.errors import UsageError
@@ -13,6 +13,7 @@ from ribbon_cli.parts import HALF_WIDTH
 from ribbon_cli.plot.branches import arclength_figure
 from ribbon_cli.plot.canvas import Figure
 from ribbon_cli.plot.curves import Curve, geometry_figure, multipliers_figure
+from ribbon_cli.plot.fields import Choice, chosen, fields_figure
 from ribbon_cli.plot.figure import dressed, state_caption
 from ribbon_cli.plot.flat import pattern_figure
 from ribbon_cli.plot.labels import (
@@ -38,6 +39,7 @@ from ribbon_cli.plot.pictures import Panel, family_figure, letters_across, shape
 from ribbon_cli.plot.runs import MOST_RUNS, runs_figure
 from ribbon_cli.plot.style import MOST_LOOKS, Style, styled
 from ribbon_cli.report.convergence import Table
+from ribbon_cli.report.rows import Rows
 from ribbon_cli.store import Run, StateRecord, Summary
 from ribbon_cli.store.refs import typed
 
@@ -46,6 +48,8 @@ T = TypeVar("T")
 MOST_CURVES = 7
 """Most half-widths of a run in one panel; of states that someone names there may be `MOST_LOOKS`."""
 MOST_SHAPES = 12
+MOST_PANELS = 20
+"""Most shapes of a sweep beside each other."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +60,8 @@ class Source:
     convergence table, `curves` a state's multipliers beside their formulas (UsageError where it has none),
     `mode` the mode to show of a state. `angles` is a chosen view, `segments` the N to show of a run,
     `beside` are further runs. `names` are the states' references where they are of several runs, and
-    `run_names` names their runs.
+    `run_names`
+    names their runs. `rows` is a table over runs and sweeps, of which `choice` says what to draw.
     """
 
     run: Run | None
@@ -69,6 +74,8 @@ class Source:
     beside: tuple[Run, ...] = ()
     names: tuple[str, ...] = ()
     run_names: tuple[str, ...] = ()
+    rows: Rows | None = None
+    choice: Choice = field(default_factory=Choice)
 
     @property
     def whole_run(self) -> bool:
@@ -367,6 +374,29 @@ def _family(source: Source, style: Style) -> Picture:
     return Picture(family_figure(records, style, source.angles), f"Shapes at several {what}{note}", records)
 
 
+def _table(source: Source, style: Style) -> Picture:
+    assert source.rows is not None
+    columns = chosen(source.rows, source.choice)
+    figure = fields_figure(source.rows, columns, style)
+    count = len({row["run"] for row in source.rows.rows})
+    caption = f"{count} run{'s' * (count > 1)}, {len(source.rows.rows)} states"
+    return Picture(figure, columns.title, (), caption=caption)
+
+
+def _shapes(source: Source, style: Style) -> Picture:
+    """Small multiples: the shapes of a sweep, each under what tells it from the others."""
+    states, names = _thinned(source.states, MOST_PANELS), _thinned(source.names, MOST_PANELS)
+    panels = [Panel(record, name) for record, name in zip(states, names, strict=True)]
+    left = len(source.states) - len(states)
+    title = "Shapes" + (f", {len(states)} of {len(source.states)}" if left else "")
+    figure = shapes_figure(panels, style, aligned=False, angles=source.angles)
+    told = "; ".join(name.replace("$", "") for name in names)
+    certified, meeting = sum(s.certified for s in states), sum(s.self_contact for s in states)
+    contact = f", {meeting} in self-contact" if meeting else ""
+    caption = f"{told} ({certified} of {len(states)} certified{contact})"
+    return Picture(figure, title, tuple(states), caption=caption)
+
+
 def _mode(source: Source, style: Style) -> Picture:
     record = _one(source, "mode")
     assert source.mode is not None
@@ -389,5 +419,7 @@ KINDS: dict[str, Callable[[Source, Style], Picture]] = {
     "family": _family,
     "mode": _mode,
     "pattern": _pattern,
+    "table": _table,
+    "shapes": _shapes,
 }
 """Drawing function of each kind. A new kind is a new row."""

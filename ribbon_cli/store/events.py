@@ -29,10 +29,29 @@ _STAGE_GIVEN_UP = {
     "status": frozenset({str}),
     "detail": frozenset({str}),
 }
+_LABEL: frozenset[type] = frozenset({int, type(None)})
+_SURVEY_END: dict[str, frozenset[type]] = {
+    "climb": frozenset({int}),
+    "status": frozenset({str}),
+    "found": _LABEL,
+    "stored": _LABEL,
+}
+_SURVEY_FOLLOWED: dict[str, frozenset[type]] = {
+    "found": frozenset({int}),
+    "segments": frozenset({int}),
+    "word": frozenset({str}),
+    "label": _LABEL,
+    "distance": frozenset({int, float, type(None)}),
+    "why": frozenset({str}),
+}
 BRANCH_END = "branch-end"
 """The event that says why a branch ends."""
 GIVEN_UP = "stage-given-up"
 """The event of a stage that could not be reached from a state; the same command need not try it again."""
+SURVEY_START = "survey-start"
+"""The event of a survey's start that was explored."""
+SURVEY_FOLLOWED = "survey-followed"
+"""The event of an equilibrium of a survey that was looked for on a finer mesh."""
 REMOVED = "states-removed"
 """The event that removes states from a run: once it is in the log they are gone, even if files are left."""
 
@@ -104,6 +123,40 @@ class GivenUp(Event):
     parent: int
     status: str
     detail: str
+
+
+@dataclass(frozen=True)
+class SurveyEnd:
+    """Where a way from a start of a survey ended: the number of modes climbed, a status, the label of the
+    state that was found first of the equilibrium there, and that of the state stored of it, if one was.
+    """
+
+    climb: int
+    status: str
+    found: int | None
+    stored: int | None
+
+
+@dataclass(frozen=True)
+class SurveyStart(Event):
+    """What came of a survey's start, by its number."""
+
+    start: int
+    ends: tuple[SurveyEnd, ...]
+
+
+@dataclass(frozen=True)
+class SurveyFollowed(Event):
+    """What came of a survey's equilibrium, named by the state found first of it, on a finer mesh: a word, the
+    label of the state there, how far it is from the coarser one, and why there is none.
+    """
+
+    found: int
+    segments: int
+    word: str
+    label: int | None
+    distance: float | None
+    why: str
 
 
 @dataclass(frozen=True)
@@ -189,6 +242,19 @@ def _given_up(kind: str, time: str, document: dict[str, Any]) -> GivenUp:
     return GivenUp(kind, time, document, **found)
 
 
+def _survey_start(kind: str, time: str, document: dict[str, Any]) -> SurveyStart:
+    start, ends = document.get("start"), document.get("ends")
+    if type(start) is not int or not isinstance(ends, list):
+        raise ValueError("it does not name a start with its ends")
+    found = tuple(SurveyEnd(**checked(end, _SURVEY_END, "is missing, or of another type")) for end in ends)
+    return SurveyStart(kind, time, document, start, found)
+
+
+def _survey_followed(kind: str, time: str, document: dict[str, Any]) -> SurveyFollowed:
+    found = checked(document, _SURVEY_FOLLOWED, "is missing, or of another type")
+    return SurveyFollowed(kind, time, document, **found)
+
+
 def _removed(kind: str, time: str, document: dict[str, Any]) -> Removed:
     labels, branches = document.get("labels"), document.get("branches")
     if not isinstance(labels, list) or not all(map(is_label, labels)):
@@ -205,6 +271,8 @@ _KINDS: dict[str, Callable[[str, str, dict[str, Any]], Event]] = {
     "ended": _ended,
     BRANCH_END: _branch_end,
     GIVEN_UP: _given_up,
+    SURVEY_START: _survey_start,
+    SURVEY_FOLLOWED: _survey_followed,
     REMOVED: _removed,
 }
 

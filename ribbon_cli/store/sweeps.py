@@ -15,7 +15,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from ribbon_cli.config import Sweep
+from ribbon_cli import config as configs
 from ribbon_cli.errors import StoreError
 from ribbon_cli.store.atomic import write_atomic, write_error
 from ribbon_cli.store.folder import RUN_FOLDER, STATES, is_run
@@ -122,7 +122,7 @@ def kept_result(record: Path, point: SweepPoint) -> Result | None:
     return result if known and result.mark == mark_of(point.path) else None
 
 
-def keep_sweep(root: Path, sweep: Sweep) -> SweepRecord:
+def keep_sweep(root: Path, sweep: configs.Sweep) -> SweepRecord:
     """Write a sweep's record, where it is not as it is, and return it. Raises StoreError."""
     folder, document = root / SWEEPS / sweep.name, _document(sweep)
     try:
@@ -136,12 +136,12 @@ def keep_sweep(root: Path, sweep: Sweep) -> SweepRecord:
     return _record(folder, document)
 
 
-def record_of(root: Path, sweep: Sweep) -> SweepRecord:
+def record_of(root: Path, sweep: configs.Sweep) -> SweepRecord:
     """The record that a sweep has, or would have; nothing is written."""
     return _record(root / SWEEPS / sweep.name, _document(sweep))
 
 
-def _document(sweep: Sweep) -> dict[str, Any]:
+def _document(sweep: configs.Sweep) -> dict[str, Any]:
     return {
         "format": SWEEP_FORMAT,
         "format_version": SWEEP_FORMAT_VERSION,
@@ -163,7 +163,7 @@ def find_sweep(root: Path, name: str) -> SweepRecord | None:
     """The sweep with a name, None where there is none. Raises StoreError for a damaged record."""
     folder = root / SWEEPS / name
     path = folder / RECORD
-    if "/" in name or "\0" in name or name.startswith(".") or not path.is_file():
+    if "/" in name or "\0" in name or name.startswith(".") or not os.path.isfile(path):
         return None
     try:
         return _record(folder, parse_json(read_bytes(path)))

@@ -3,6 +3,7 @@ from .point import Task as Task
 from .pool import Executor as Executor
 from .pool import Here as Here
 from .pool import Processes as Processes
+from .resources import cores as cores
 from .resources import workers_for as workers_for
 from .run import Began as Began
 from .run import Ended as Ended

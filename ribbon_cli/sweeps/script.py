@@ -8,7 +8,7 @@ import shlex
 import sys
 from pathlib import Path
 
-from ..config import Sweep
+from .. import config as configs
 from ..errors import UsageError
 from .resources import memory_of
 from .run import cost_of
@@ -39,7 +39,7 @@ exec {command}
 written before it is requeued stays."""
 
 
-def script_of(kind: str, sweep: Sweep, root: Path) -> str:
+def script_of(kind: str, sweep: configs.Sweep, root: Path) -> str:
     """The text of a script. Raises UsageError for a kind that there is not."""
     if kind not in SCRIPTS:
         raise UsageError(f"no script {kind!r}: there is {', '.join(SCRIPTS)}")

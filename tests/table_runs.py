@@ -1,0 +1,34 @@
+"""A small sweep and a run beside it, for tests of tables and of pictures over them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from cli_support import QUICK_RING
+
+from ribbon_cli.config import load_sweep, parse_config
+from ribbon_cli.store import keep_sweep
+from ribbon_cli.study import solve_config
+
+SWEEP = """
+name: fam
+config:
+  initial_guess: {recipe: cylinder, segments: 12, half_width: 0.1}
+  topology: {half_twists: 0}
+  spectrum: {modes: 3, full_up_to: 0}
+vary:
+  - {discretisation: [thesis, value-average], length: [6, 7.5]}
+  - {initial_guess.half_width: [0.1, 0.2, 1]}
+"""
+
+
+def fill(root: Path) -> Path:
+    """A sweep of which one point was not run, and a run beside it."""
+    path = root / "fam.yaml"
+    path.write_text(SWEEP)
+    sweep = load_sweep(path)
+    keep_sweep(root, sweep)
+    for point in sweep.points[:-1]:
+        solve_config(point.config, root)
+    solve_config(parse_config(QUICK_RING, "ring.yaml"), root)
+    return root
