@@ -111,10 +111,10 @@ class BlockReduction:
         blocks = matrix.node_blocks
         self._position = blocks.position
         diagonal, coupling, border = blocks.diagonal.copy(), blocks.coupling.copy(), blocks.border.copy()
-        corner = np.zeros((border.shape[2], border.shape[2]))
+        corner = np.zeros((border.shape[2], border.shape[2])) if blocks.corner is None else blocks.corner.copy()
         if shift and metric is None:
             unknowns = np.arange(7)
-            diagonal[:, unknowns, unknowns] -= shift * matrix.metric.reshape(-1, 7)
+            diagonal[:, unknowns, unknowns] -= shift * matrix.metric[: 7 * len(diagonal)].reshape(-1, 7)
         elif shift and metric is not None:
             here, ahead = metric.scaled(matrix.scale[: matrix.size].reshape(-1, 7))
             diagonal[:, :7, :7] -= shift * here

@@ -76,6 +76,13 @@ def _pattern(layout: Layout, rotations: int) -> Pattern:
         np.concatenate([c.ravel() for c in columns]),
         (total, total),
     )
+    return pattern_of(upper)
+
+
+def pattern_of(upper: Scatter) -> Pattern:
+    """The pattern of a symmetric matrix from that of its upper triangle, whose diagonal is full."""
+    total = upper.shape[0]
+    every = np.arange(total)
     # Sorted columns of an upper triangle end on the diagonal.
     diagonal = upper.indptr[1:].astype(np.int64) - 1
     row, column = upper.indices.astype(np.int64), np.repeat(every, np.diff(upper.indptr))
@@ -95,7 +102,7 @@ def _pattern(layout: Layout, rotations: int) -> Pattern:
     return Pattern(upper, diagonal, empty, whole, place[order])
 
 
-def _filled(like: scipy.sparse.spmatrix, data: Array) -> scipy.sparse.spmatrix:
+def filled(like: scipy.sparse.spmatrix, data: Array) -> scipy.sparse.spmatrix:
     """A matrix of the same pattern, unchecked: scipy's constructors take longer than a product at N = 100."""
     out = copy(like)
     out.data = data
@@ -133,7 +140,8 @@ class NodeBlocks:
     """K node by node: `diagonal` (N,12,12), `coupling` to the next node (N,12,12), `border` (N,12,c),
     and the nodes whose ruling is `held` (N,).
 
-    `position` is the place of every row of K in this order, border (closure, gauge) last.
+    `position` is the place of every row of K in this order, border (closure, gauge) last. `corner` (c,c) is the
+    border's own block where that is not zero.
     """
 
     position: NDArray[np.int64]
@@ -141,6 +149,7 @@ class NodeBlocks:
     coupling: Array
     border: Array
     held: NDArray[np.bool_]
+    corner: Array | None = None
 
 
 class KKTMatrix:
@@ -176,8 +185,8 @@ class KKTMatrix:
 
     def _fill(self, data: Array) -> None:
         """Take the upper triangle's data, in CSC order."""
-        self.upper = _filled(self.pattern.upper_matrix, data)
-        self.whole = _filled(self.pattern.whole_matrix, data[self.pattern.whole_source])
+        self.upper = filled(self.pattern.upper_matrix, data)
+        self.whole = filled(self.pattern.whole_matrix, data[self.pattern.whole_source])
 
     @cached_property
     def node_blocks(self) -> NodeBlocks:
@@ -213,7 +222,7 @@ class KKTMatrix:
         diagonal = self.pattern.diagonal
         data[diagonal[: self.size]] -= shift * self.metric
         data[diagonal[self.size :]] -= delta
-        return _filled(self.upper, data)
+        return filled(self.upper, data)
 
 
 def _positions(size: int, total: int) -> NDArray[np.int64]:
