@@ -271,7 +271,8 @@ def _passages(before: Shape, after: Shape, p: Array, q: Array, features: Feature
         rim = corners[block[:, 1]]
         for triangle in ((0, 1, 2), (0, 2, 3)):
             four = np.column_stack((rim[:, triangle], block[:, 0]))
-            found += [(FACET, block[k], t, s) for k, t, s in _meetings(p, q, four, _in_triangle)]
+            # The triangle's normal is along g x u, that of gaps along u x g.
+            found += [(FACET, block[k], t, -s) for k, t, s in _meetings(p, q, four, _in_triangle)]
     for start in range(0, len(features.edge_edge), BLOCK):
         block = features.edge_edge[start : start + BLOCK]
         four = np.column_stack((*before.edge_ends(block[:, 0]), *before.edge_ends(block[:, 1])))
