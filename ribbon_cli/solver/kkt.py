@@ -102,7 +102,7 @@ def pattern_of(upper: Scatter) -> Pattern:
     return Pattern(upper, diagonal, empty, whole, place[order])
 
 
-def filled(like: scipy.sparse.spmatrix, data: Array) -> scipy.sparse.spmatrix:
+def _filled(like: scipy.sparse.spmatrix, data: Array) -> scipy.sparse.spmatrix:
     """A matrix of the same pattern, unchecked: scipy's constructors take longer than a product at N = 100."""
     out = copy(like)
     out.data = data
@@ -155,7 +155,8 @@ class NodeBlocks:
 class KKTMatrix:
     """The KKT matrix at one point; `upper` is the scaled upper triangle without regularisation.
 
-    `scale` is s above; `size` is 7N, `border` the number of multiplier and gauge rows; `metric` (7N,) is the
+    `scale` is s above; `size` is 7N, `border` what comes after x: first `duals` rows of multipliers and gauge,
+    here all of it; `tail` is what comes after the constraints' rows. `metric` (7N,) is the
     Euclidean metric's diagonal in scaled unknowns, which shifts multiply.
     """
 
@@ -164,7 +165,8 @@ class KKTMatrix:
         self.size = problem.size
         self.rotations = rotations
         self.gauge = rotations.shape[1]
-        self.border = problem.rows + self.gauge
+        self.border = self.duals = problem.rows + self.gauge
+        self.tail = self.gauge
         self.fixed = problem.fixed
         seam = problem.stencil.seam
         self.pattern = _pattern(problem.layout, self.gauge)
@@ -185,8 +187,8 @@ class KKTMatrix:
 
     def _fill(self, data: Array) -> None:
         """Take the upper triangle's data, in CSC order."""
-        self.upper = filled(self.pattern.upper_matrix, data)
-        self.whole = filled(self.pattern.whole_matrix, data[self.pattern.whole_source])
+        self.upper = _filled(self.pattern.upper_matrix, data)
+        self.whole = _filled(self.pattern.whole_matrix, data[self.pattern.whole_source])
 
     @cached_property
     def node_blocks(self) -> NodeBlocks:
@@ -221,8 +223,8 @@ class KKTMatrix:
         data = self.upper.data.copy()
         diagonal = self.pattern.diagonal
         data[diagonal[: self.size]] -= shift * self.metric
-        data[diagonal[self.size :]] -= delta
-        return filled(self.upper, data)
+        data[diagonal[self.size : self.size + self.duals]] -= delta
+        return _filled(self.upper, data)
 
 
 def _positions(size: int, total: int) -> NDArray[np.int64]:

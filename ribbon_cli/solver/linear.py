@@ -91,7 +91,7 @@ class Factor:
         pivots = self._pivots
         if pivots is None:
             return self._reduced().inertia.negative
-        return int((pivots < 0).sum()) - int(self.matrix.border)
+        return int((pivots < 0).sum()) - int(self.matrix.duals)
 
     def proves_minimum(self) -> bool:
         """Whether the pivots prove that the projected Hessian has no eigenvalue below `shift`.
@@ -123,11 +123,12 @@ class Factor:
     def _contraction(self) -> float:
         """Spectral radius of (L D L^T)^-1 E, E what L D L^T lacks of the matrix, by power iterations."""
         size = self.matrix.size
+        dual = slice(size, size + self.matrix.duals)
         v = np.cos(1.0 + np.arange(size + self.matrix.border, dtype=np.float64) ** 1.5)
         rate, length = np.inf, float(np.linalg.norm(v))
         for _ in range(PROBES):
             image = self._product(v)
-            image[size:] -= self._delta * v[size:]
+            image[dual] -= self._delta * v[dual]
             v = self._inverse(image) - v
             before, length = length, float(np.linalg.norm(v))
             rate = length / before

@@ -17,6 +17,7 @@ from ..model.problem import LocalDerivatives, Problem
 from .inertia import inertia
 from .kkt import FactorisationError, KKTMatrix
 from .linear import RESIDUAL_LIMIT, Factor
+from .resting_kkt import kkt_matrix
 from .saddle_free import Direction, direction, newton_step
 from .status import Iterate, Result, SaddleMet, Status
 
@@ -80,12 +81,14 @@ def estimate_multipliers(problem: Problem, x: Array) -> Array:
 
 def _normal_factor(problem: Problem, local: LocalDerivatives) -> Factor:
     """Factors of (I, A^T; A, 0) in the scaled metric: identity on scaled unknowns, diag(1/s^2) on x."""
-    return Factor(KKTMatrix(problem, local, np.zeros((problem.size, 0))).with_unit_metric())
+    return Factor(kkt_matrix(problem, local, np.zeros((problem.size, 0))).with_unit_metric())
 
 
 def _estimate(problem: Problem, local: LocalDerivatives, normal: Factor) -> Array:
     """Least-squares multipliers (5N+3,) by the normal factors."""
-    return -normal.solve(np.concatenate((-local.gradient, np.zeros(problem.rows))))[problem.size :]
+    n, rows = problem.size, problem.rows
+    rhs = np.concatenate((-local.gradient, np.zeros(rows + normal.matrix.tail)))
+    return -normal.solve(rhs)[n : n + rows]
 
 
 def inverted_facets(problem: Problem, x: Array) -> Array:
@@ -141,7 +144,8 @@ class _Search:
         if self._normal is None or self._normal[0] is not point.x:
             self.keep(point.x, _normal_factor(problem, point.local))
         assert self._normal is not None
-        rhs = np.concatenate((np.zeros(problem.size), -problem.weighted_constraints(x)))
+        tail = np.zeros(self._normal[1].matrix.tail)
+        rhs = np.concatenate((np.zeros(problem.size), -problem.weighted_constraints(x), tail))
         return self._normal[1].solve(rhs)[: problem.size]
 
 
@@ -197,7 +201,7 @@ class _Solve:
         options = self.options
         while True:
             self.last = point
-            matrix = KKTMatrix(self.problem, point.local, self.problem.rotations(point.x))
+            matrix = kkt_matrix(self.problem, point.local, self.problem.rotations(point.x))
             if options.watch is not None:
                 options.watch(self.steps, point.energy, point.worst)
             following: Iterate | None = None

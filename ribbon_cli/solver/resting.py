@@ -1,180 +1,130 @@
-"""Newton's method for a strip that rests on itself: gaps that are kept are rows, their forces multipliers.
+"""The problem of a strip that rests on itself: gaps that are kept are rows, their forces multipliers.
 
-L = E - lambda.c - f.(g - t): forces f push features apart, f >= 0 where a gap g may not be less than t.
+L = E - lambda.c - f.(g - t): a force f pushes features apart, and f >= 0 where a gap g may not be less than t. With
+the rows of gaps after those of constraints, Newton's method, its certificate and its saddles serve as they are.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import fields
 
 import numpy as np
+import scipy
 
-from ..model.band import Array, State
+from ..model.band import Array, Band
 from ..model.problem import LocalDerivatives, Problem
+from ..model.rates import Rates, rates
 from ..model.touching import Shape
 from ..model.touching_gaps import Gaps, Pairs, arguments, gaps, vectors
-from .kkt import KKTMatrix
-from .linear import RESIDUAL_LIMIT, Factor
-from .newton import change, inverted_facets
-from .resting_kkt import Copies, RestingMatrix, pulled_back
+from ..parts import HALF_WIDTH
+from .resting_kkt import Copies, RestingDerivatives, Touched, copy_columns, pulled_back
 
 
-class Touching:
-    """Gaps of fixed pairs on a problem's x (7N,)."""
+class RestingProblem(Problem):
+    """A problem with gaps of fixed pairs kept at `gap`; its multipliers (5N+3+k,) end with the forces."""
 
-    def __init__(self, problem: Problem, pairs: Pairs, gap: float = 0.0) -> None:
-        self.problem, self.pairs, self.gap = problem, pairs, gap
+    def __init__(self, band: Band, pairs: Pairs, gap: float = 0.0) -> None:
+        super().__init__(band)
+        self.base = Problem(band)
+        self.pairs, self.gap = pairs, gap
         self.what = arguments(pairs)
         self.copies = Copies.of(self.what)
+        self.rows = self.base.rows + len(pairs)
+        self.weights = np.concatenate((self.base.weights, np.ones(len(pairs))))
 
-    def __len__(self) -> int:
-        return len(self.pairs)
+    def split(self, multipliers: Array) -> tuple[Array, Array]:
+        """Multipliers of constraints (5N+3,) and forces (k,)."""
+        return multipliers[: self.base.rows], multipliers[self.base.rows :]
 
-    def at(self, x: Array) -> Gaps:
-        """Gaps and derivatives at x."""
-        shape = Shape.of(self.problem.state(x), self.gap)
-        six = vectors(shape, self.what)
-        return gaps(six, self.what, self.pairs.sign, self.problem.band.half_width)
+    def gaps(self, x: Array) -> Gaps:
+        """Gaps and their derivatives at x (7N,)."""
+        shape = Shape.of(self.state(x), self.gap)
+        return gaps(vectors(shape, self.what), self.what, self.pairs.sign, self.band.half_width)
 
     def pull(self, local: Array) -> Array:
-        """The sum (7N,) of gradients (k,6,3) in the six vectors, in x."""
+        """The sum (7N,) of gradients (k,6,3) in the gaps' six vectors, in x."""
         on_copies = np.zeros((len(self.copies.kind), 3))
         np.add.at(on_copies, self.copies.slot.ravel(), local.reshape(-1, 3))
-        return pulled_back(self.problem, self.copies, on_copies)
+        return pulled_back(self.base, self.copies, on_copies)
 
+    def constraints(self, x: Array) -> Array:
+        """Constraint values as in (2.19), then gaps less what they are to be."""
+        out: Array = np.concatenate((super().constraints(x), self.gaps(x).value - self.gap))
+        return out
 
-@dataclass(frozen=True, eq=False)
-class RestingPoint:
-    """A place with multipliers (5N+3,) and forces (k,), its derivatives and residuals."""
+    def local_derivatives(self, x: Array, multipliers: Array | None) -> LocalDerivatives:
+        """All derivatives at x for multipliers (5N+3+k,)."""
+        forces = np.zeros(len(self.pairs))
+        if multipliers is not None:
+            multipliers, forces = self.split(multipliers)
+        free = self.base.local_derivatives(x, multipliers)
+        found = self.gaps(x)
+        hessian = -forces[:, None, None] * found.hessian
+        touched = Touched(self.copies, found.gradient, hessian) if len(self.pairs) else None
+        own = {f.name: getattr(free, f.name) for f in fields(LocalDerivatives)}
+        own["constraints"] = np.concatenate((free.constraints, found.value - self.gap))
+        return RestingDerivatives(**own, base=self.base, free=free, touched=touched)
 
-    touching: Touching
-    x: Array
-    multipliers: Array
-    forces: Array
-    local: LocalDerivatives
-    gaps: Gaps
-    gradient: Array
-    kkt_residual: float
-    constraint_residual: float
-    gap_residual: float
+    def lagrangian_gradient(self, local: LocalDerivatives, multipliers: Array) -> Array:
+        """Gradient (7N,) of the Lagrangian."""
+        assert isinstance(local, RestingDerivatives)
+        multipliers, forces = self.split(multipliers)
+        out = self.base.lagrangian_gradient(local.free, multipliers)
+        if local.touched is None:
+            return out
+        return out - self.pull(forces[:, None, None] * local.touched.jacobian)
 
-    @classmethod
-    def at(cls, touching: Touching, x: Array, multipliers: Array, forces: Array) -> RestingPoint:
-        """Evaluate a place."""
-        problem = touching.problem
-        local = problem.local_derivatives(x, multipliers)
-        found = touching.at(x)
-        gradient = problem.lagrangian_gradient(local, multipliers)
-        gradient = gradient - touching.pull(forces[:, None, None] * found.gradient)
-        away = found.value - touching.gap
-        return cls(
-            touching,
-            x,
-            multipliers,
-            forces,
-            local,
-            found,
-            gradient,
-            float(np.abs(gradient).max()),
-            float(np.abs(local.constraints / problem.weights).max()),
-            float(np.abs(away).max()) if away.size else 0.0,
+    def jacobian_matrix(self, local: LocalDerivatives) -> scipy.sparse.csc_matrix:
+        """The Jacobian (5N+3+k, 7N): dense in the rows of gaps."""
+        assert isinstance(local, RestingDerivatives)
+        own = self.base.jacobian_matrix(local.free)
+        if local.touched is None:
+            return own
+        rows = np.array(
+            [self.pull(np.where(np.arange(len(self.pairs))[:, None, None] == k, local.touched.jacobian, 0.0)) for k in range(len(self.pairs))]
         )
+        return scipy.sparse.csc_matrix(scipy.sparse.vstack((own, scipy.sparse.csc_matrix(rows))))
 
-    @property
-    def problem(self) -> Problem:
-        """The problem without gaps."""
-        return self.touching.problem
+    def hessian_matrix(self, local: LocalDerivatives) -> scipy.sparse.csc_matrix:
+        """The Lagrangian's Hessian (7N, 7N), with what forces add to it."""
+        assert isinstance(local, RestingDerivatives)
+        own = self.base.hessian_matrix(local.free)
+        if local.touched is None:
+            return own
+        copies, k = self.copies, len(self.pairs)
+        c = self._copies_of_x()
+        six = (3 * copies.slot[:, :, None] + np.arange(3)).reshape(k, 18)
+        rows, columns = np.repeat(six, 18, axis=1).ravel(), np.tile(six, (1, 18)).ravel()
+        s = scipy.sparse.coo_matrix(
+            (local.touched.hessian.ravel(), (rows, columns)), shape=(copies.size, copies.size)
+        ).tocsc()
+        return own + scipy.sparse.csc_matrix(c.T @ s @ c)
 
-    @property
-    def energy(self) -> float:
-        """Q_h, with loads."""
-        return self.local.energy
-
-    @property
-    def worst(self) -> float:
-        """The largest residual."""
-        return max(self.kkt_residual, self.constraint_residual, self.gap_residual)
-
-    @property
-    def state(self) -> State:
-        """The shape."""
-        return self.problem.state(self.x)
-
-    @cached_property
-    def matrix(self) -> KKTMatrix:
-        """The KKT matrix here, with copies and gaps where there are pairs."""
-        base = KKTMatrix(self.problem, self.local, self.problem.rotations(self.x))
-        if not len(self.touching):
-            return base
-        hessian = -self.forces[:, None, None] * self.gaps.hessian
-        return RestingMatrix(self.problem, base, self.touching.copies, self.gaps.gradient, hessian)
-
-    def solve(self, factor: Factor, x: Array, constraints: Array, gaps: Array, limit: float = RESIDUAL_LIMIT) -> tuple[Array, Array, Array]:
-        """Solve with right-hand sides for x (7N,), constraints and gaps: changes of x, of -lambda, of -f."""
-        matrix, n, rows = self.matrix, self.problem.size, self.problem.rows
-        q = matrix.size - n
-        rhs = np.concatenate((x, np.zeros(q), constraints, np.zeros(matrix.gauge + q), gaps))
-        z = factor.solve(rhs, limit=limit)
-        first = n + q
-        return z[:n], z[first : first + rows], z[z.size - len(gaps) :]
-
-    def step(self, factor: Factor, limit: float = RESIDUAL_LIMIT) -> tuple[Array, Array, Array]:
-        """Newton's step (7N,) with new multipliers and forces."""
-        away = self.touching.gap - self.gaps.value
-        p, by_lambda, by_force = self.solve(factor, -self.gradient, -self.local.constraints, away, limit)
-        return p, self.multipliers - by_lambda, self.forces - by_force
+    def _copies_of_x(self) -> scipy.sparse.csc_matrix:
+        """z by x (q, 7N), node positions summed up."""
+        rows, columns, values = copy_columns(self.base, self.copies)
+        free = ~self.fixed[columns]
+        own = scipy.sparse.coo_matrix(
+            (values[free], (rows[free], columns[free])), shape=(self.copies.size, self.size)
+        ).tocsr()
+        out = own.toarray()
+        nodes = np.flatnonzero(self.copies.kind == 0)
+        for before, j in zip(nodes[:-1], nodes[1:], strict=True):
+            out[3 * j : 3 * j + 3] += out[3 * before : 3 * before + 3]
+        return scipy.sparse.csc_matrix(out)
 
 
-@dataclass(frozen=True, eq=False)
-class Newton:
-    """How Newton's method ended: its last point, whether it converged, and its steps."""
-
-    point: RestingPoint
-    converged: bool
-    steps: int
-    why: str = ""
-
-
-TOLERANCE = 1e-9
-GOAL = 1e-11
-MOST_STEPS = 12
-LONGEST = 0.25
-
-
-def newton(point: RestingPoint, most_steps: int = MOST_STEPS) -> Newton:
-    """Plain Newton steps to the stationary point near a place, whatever it is.
-
-    Ends where steps are longer than `LONGEST`, a facet turns over, or residuals do not fall.
-    """
-    problem = point.problem
-    best, stuck = point, 0
-    for steps in range(most_steps + 1):
-        if point.worst <= GOAL:
-            return Newton(point, True, steps)
-        limit = max(RESIDUAL_LIMIT, 1e-3 * min(point.worst, 1.0), 0.1 * GOAL / point.worst)
-        p, multipliers, forces = point.step(Factor(point.matrix), limit)
-        size = change(point.x, p)
-        if not np.isfinite(size):
-            return Newton(best, False, steps, "not finite")
-        t = min(1.0, LONGEST / max(size, 1e-300))
-        following = RestingPoint.at(
-            point.touching,
-            point.x + t * p,
-            point.multipliers + t * (multipliers - point.multipliers),
-            point.forces + t * (forces - point.forces),
-        )
-        if not np.isfinite(following.worst) or (inverted_facets(problem, following.x) <= 0).any():
-            return Newton(best, False, steps, "a facet turns over")
-        if following.worst < 0.5 * best.worst:
-            stuck = 0
-        else:
-            stuck += 1
-            if best.worst <= TOLERANCE:
-                return Newton(best if best.worst < following.worst else following, True, steps)
-            if stuck > 4:
-                return Newton(best, False, steps, "residuals do not fall")
-        if following.worst < best.worst:
-            best = following
-        point = following
-    return Newton(best, best.worst <= TOLERANCE, most_steps, "too many steps")
+def resting_rates(problem: RestingProblem, x: Array, multipliers: Array, name: str) -> Rates:
+    """The derivatives by a parameter with gaps; dE/db has -f.dg/db. See `model.rates`."""
+    own, forces = problem.split(multipliers)
+    energy_gradient = problem.base.local_derivatives(x, None).gradient
+    found = rates(problem.base, x, own, energy_gradient, name)
+    by_gap = np.zeros(len(forces))
+    lagrangian, gradient, second = found.lagrangian, found.gradient, found.second
+    if name == HALF_WIDTH and forces.size:
+        at = problem.gaps(x)
+        by_gap = at.rate
+        lagrangian -= float(forces @ at.rate)
+        gradient = gradient - problem.pull(forces[:, None, None] * at.rate_gradient)
+        second -= float(forces @ at.rate_second)
+    return Rates(lagrangian, gradient, np.concatenate((found.constraints, by_gap)), second)
