@@ -413,3 +413,34 @@ class _Solve:
             detail=detail,
             surplus_seen=self.surplus_seen,
         )
+
+
+class Stepper:
+    """Single steps of the method, for who changes the problem between them."""
+
+    def __init__(self, problem: Problem, options: Options) -> None:
+        self._solve = _Solve(problem, options, GUARD_FROM)
+
+    def step(self, point: Iterate) -> Iterate | None:
+        """One accepted step towards a stationary point, or None."""
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            try:
+                return self._solve._step(point, self._matrix(point))
+            except FactorisationError:
+                return None
+
+    def left(self, saddle: Iterate) -> Array | None:
+        """A place (7N,) beside a saddle along its lowest eigenvector, of less energy, or None."""
+        problem = self._solve.problem
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            try:
+                factor = Factor(self._matrix(saddle))
+                found = direction(problem, saddle.local, saddle.multipliers, factor)
+                beside = self._solve._leave(saddle, found) if found.index else None
+            except FactorisationError:
+                return None
+        return None if beside is None else beside.x
+
+    def _matrix(self, point: Iterate) -> KKTMatrix:
+        problem = self._solve.problem
+        return kkt_matrix(problem, point.local, problem.rotations(point.x))

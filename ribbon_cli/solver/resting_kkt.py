@@ -20,7 +20,7 @@ projected Hessian on the null space of constraints and gaps.
 from __future__ import annotations
 
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -80,6 +80,12 @@ class RestingDerivatives(LocalDerivatives):
     base: Problem
     free: LocalDerivatives
     touched: Touched | None
+
+    def pushed(self) -> RestingDerivatives:
+        """The same without the rows of gaps: what forces add to the Hessian stays."""
+        if self.touched is None:
+            return self
+        return replace(self, touched=replace(self.touched, jacobian=self.touched.jacobian[:0]))
 
 
 def copy_columns(problem: Problem, copies: Copies) -> tuple[IntArray, IntArray, Array]:

@@ -12,20 +12,20 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 
 from ..model.band import Array, Band, State
-from ..model.problem import Problem
-from ..model.rates import rates
 from ..model.touching import EDGE, FACET, VERTEX, Shape
 from ..model.touching_audit import Audit, audit, passages
 from ..model.touching_gaps import Pairs, arguments, gaps, places, vectors
 from ..parts import HALF_WIDTH
-from .kkt import FactorisationError
 from .linear import Factor
-from .resting import RestingPoint, Touching, newton
+from .newton import Options, Stepper, iterate_at, solve
+from .resting import RestingProblem, resting_rates
+from .resting_kkt import RestingDerivatives, kkt_matrix
+from .status import STATIONARY, Result, Status
 
-PULLS = 1e-9
-"""A force below minus this part of the largest one, or of 1, pulls."""
+Key = tuple[int, int, int, int]
 OFF = 1e-9
 """How far off its features, in their coordinates, a place of contact may be."""
 DEPTH = 1e-10
@@ -33,7 +33,12 @@ DEPTH = 1e-10
 SLIP = 1e-4
 """Depth, as part of l, that sheets which slide on each other may have half-way between two shapes: their
 straight way cuts a curve short. What passes deeper has passed through."""
-MOST_CHANGES = 60
+MOST_ROUNDS, MOST_STEPS, MOST_STUCK, MOST_SADDLES = 12, 60, 12, 3
+MOST_CANDIDATES = 24
+"""Gaps of one quadratic problem, the least ones."""
+MARGIN = 0.5
+ABOVE = 1e-12
+"""Off its features by a margin, a gap counts where it is above minus this part of l: in a valley."""
 AROUND = 2
 """Facets to either side of a place of contact whose features are its neighbours."""
 FACING = 0.2
@@ -43,9 +48,10 @@ SAMPLES = 9
 
 @dataclass(frozen=True, eq=False)
 class Rest:
-    """A stationary shape with the gaps that it keeps, forces (k,) and multipliers (5N+3,)."""
+    """A stationary shape with the gaps that it keeps; `result` has the forces after the multipliers."""
 
-    point: RestingPoint
+    problem: RestingProblem
+    result: Result
     audit: Audit
     steps: int = 0
     changes: tuple[str, ...] = ()
@@ -53,150 +59,181 @@ class Rest:
     @property
     def state(self) -> State:
         """The shape."""
-        return self.point.state
+        return self.result.state
 
     @property
     def band(self) -> Band:
         """What is fixed."""
-        return self.point.problem.band
+        return self.problem.band
 
     @property
     def pairs(self) -> Pairs:
         """The gaps that are kept."""
-        return self.point.touching.pairs
+        return self.problem.pairs
+
+    @property
+    def multipliers(self) -> Array:
+        """Those of constraints (5N+3,)."""
+        return self.problem.split(self.result.multipliers)[0]
 
     @property
     def forces(self) -> Array:
-        """Their forces."""
-        return self.point.forces
+        """The gaps' forces (k,)."""
+        return self.problem.split(self.result.multipliers)[1]
 
     @property
     def gap(self) -> float:
         """The gap that is kept."""
-        return self.point.touching.gap
+        return self.problem.gap
 
 
 class NoRest(Exception):
     """No active set was found; the message says why."""
 
 
-def rest_at(state: State, multipliers: Array, pairs: Pairs | None = None, forces: Array | None = None, gap: float = 0.0) -> Rest:
-    """A state as it is, with its gaps."""
+def rest_at(
+    state: State, multipliers: Array, pairs: Pairs | None = None, forces: Array | None = None, gap: float = 0.0
+) -> Rest:
+    """A stationary state as it is, with its gaps; its index is counted anew."""
     pairs = Pairs.none() if pairs is None else pairs
     forces = np.zeros(len(pairs)) if forces is None else forces
-    touching = Touching(Problem(state.band), pairs, gap)
-    point = RestingPoint.at(touching, state.vector(), multipliers, forces)
-    return Rest(point, audit(Shape.of(state, gap), DEPTH * state.band.length))
+    problem = RestingProblem(state.band, pairs, gap)
+    options = Options(max_steps=3, leave_saddles=0)
+    result = solve(problem, state.vector(), np.concatenate((multipliers, forces)), options)
+    return Rest(problem, result, audit(Shape.of(result.state, gap), DEPTH * state.band.length))
 
 
 @dataclass(frozen=True)
 class Slopes:
-    """Derivatives by a parameter along the branch with the same gaps: of x, multipliers and forces, and dE/dp."""
+    """Derivatives by a parameter along the branch with the same gaps: of x and of multipliers with forces, and
+    dE/dp."""
 
     x: Array
     multipliers: Array
-    forces: Array
     rise: float
 
 
 def slopes(rest: Rest, name: str = HALF_WIDTH) -> Slopes:
     """The slopes at a stationary shape. Raises FactorisationError at a fold."""
-    point, problem = rest.point, rest.point.problem
-    along = rates(problem, point.x, point.multipliers, point.local.gradient, name)
-    gradient, rise = along.gradient, along.lagrangian
-    by_gap = np.zeros(len(point.forces))
-    if name == HALF_WIDTH and by_gap.size:
-        gradient = gradient - point.touching.pull(point.forces[:, None, None] * point.gaps.rate_gradient)
-        by_gap = point.gaps.rate
-        rise -= float(point.forces @ by_gap)
-    x, by_lambda, by_force = point.solve(Factor(point.matrix), -gradient, -along.constraints, -by_gap)
-    return Slopes(x, -by_lambda, -by_force, rise)
+    problem, x, multipliers = rest.problem, rest.result.x, rest.result.multipliers
+    along = resting_rates(problem, x, multipliers, name)
+    matrix = kkt_matrix(problem, problem.local_derivatives(x, multipliers), problem.rotations(x))
+    z = Factor(matrix).solve(np.concatenate((-along.gradient, -along.constraints, np.zeros(matrix.tail))))
+    n = problem.size
+    return Slopes(z[:n], -z[n : n + problem.rows], along.lagrangian)
 
 
 def moved(rest: Rest, band: Band, by: float, along: Slopes | None) -> Rest:
     """The next shape, with a band of other parameters, from a shape that does not cross itself."""
-    point = rest.point
-    x, multipliers, forces = point.x, point.multipliers, point.forces
+    x, multipliers = rest.result.x, rest.result.multipliers
     if along is not None:
-        x, multipliers, forces = x + by * along.x, multipliers + by * along.multipliers, forces + by * along.forces
-    return _Search(rest, Problem(band)).run(x, multipliers, forces)
+        x, multipliers = x + by * along.x, multipliers + by * along.multipliers
+    return _Search(rest, band).run(x, multipliers)
 
 
 class _Search:
-    """One search for an active set."""
+    """Sequential quadratic programming with gaps as inequalities, from one shape to the next."""
 
-    def __init__(self, before: Rest, problem: Problem) -> None:
-        self.before, self.problem, self.gap = before, problem, before.gap
-        self.length = problem.band.length
+    def __init__(self, before: Rest, band: Band) -> None:
+        self.before, self.band, self.gap = before, band, before.gap
+        self.length = band.length
         self.shape_before = Shape.of(before.state, before.gap)
-        self.seen: set[tuple[tuple[int, int, int, int], ...]] = set()
         self.changes: list[str] = []
         self.steps = 0
+        self.saddles = 0
+        self.options = Options(leave_saddles=0)
 
-    def run(self, x: Array, multipliers: Array, forces: Array) -> Rest:
-        pairs = self.before.pairs
-        for _ in range(MOST_CHANGES):
-            key = tuple(sorted(pairs.keys()))
-            if key in self.seen:
-                raise NoRest(f"gaps come back ({'; '.join(self.changes[-6:])})")
-            self.seen.add(key)
-            point = self._newton(pairs, x, multipliers, forces)
-            following = self._changed(point)
-            if following is None:
-                end = self._accepted(point)
-                if isinstance(end, Rest):
+    def run(self, x: Array, multipliers: Array) -> Rest:
+        """The next shape. Raises NoRest."""
+        own, forces = self.before.problem.split(multipliers)
+        known = dict(zip(self.before.pairs.keys(), forces.tolist(), strict=True))
+        parents = self.before.pairs
+        for _ in range(MOST_ROUNDS):
+            problem, result = self._converged(x, own, parents, known)
+            end = self._accepted(problem, result)
+            x, (own, forces) = result.x, problem.split(result.multipliers)
+            known = dict(zip(problem.pairs.keys(), forces.tolist(), strict=True))
+            if isinstance(end, Rest):
+                if result.status is not Status.SADDLE or self.saddles >= MOST_SADDLES:
                     return end
-                following = end
-            pairs, forces = following
-            x, multipliers = point.x, point.multipliers
-        raise NoRest("too many changes of gaps")
+                left = self._left(problem, result)
+                if left is None:
+                    return end
+                x, parents = left, problem.pairs
+            else:
+                parents = end
+        raise NoRest(f"no end of new contacts ({'; '.join(self.changes[-4:])})")
 
-    def _newton(self, pairs: Pairs, x: Array, multipliers: Array, forces: Array) -> RestingPoint:
-        touching = Touching(self.problem, pairs, self.gap)
-        try:
-            end = newton(RestingPoint.at(touching, x, multipliers, forces))
-        except FactorisationError as error:
-            raise NoRest(str(error)) from error
-        self.steps += end.steps
-        if not end.converged:
-            raise NoRest(f"Newton's method does not converge with {len(pairs)} gaps: {end.why} ({end.point.worst:.1e})")
-        return end.point
+    def _converged(
+        self, x: Array, own: Array, parents: Pairs, known: dict[Key, float]
+    ) -> tuple[RestingProblem, Result]:
+        """A stationary point whose gaps push and are not crossed beside its contacts."""
+        best, stuck = np.inf, 0
+        working = parents
+        for _ in range(MOST_STEPS):
+            shape = Shape.of(State.from_vector(self.band, x), self.gap)
+            candidates = beside(shape, parents, self.gap)
+            forces = np.array([known.get(key, 0.0) for key in candidates.keys()])
+            working, own_forces = self._working(x, own, candidates, forces)
+            problem = RestingProblem(self.band, working, self.gap)
+            point = iterate_at(problem, x, np.concatenate((own, own_forces)))
+            at_rest = point.worst <= self.options.goal or (point.worst <= self.options.tolerance and stuck > 1)
+            if at_rest:
+                result = solve(problem, x, point.multipliers, replace(self.options, max_steps=4))
+                if result.status not in STATIONARY:
+                    raise NoRest(f"{result.status.value} at the end")
+                self.steps += result.steps
+                return problem, result
+            stuck, best = (0, point.worst) if point.worst < 0.5 * best else (stuck + 1, best)
+            if stuck > MOST_STUCK:
+                raise NoRest(f"residuals do not fall ({point.worst:.1e}, {len(working)} gaps)")
+            following = Stepper(problem, self.options).step(point)
+            self.steps += 1
+            if following is None:
+                raise NoRest(f"no step makes progress ({point.worst:.1e}, {len(working)} gaps)")
+            x = following.x
+            own, own_forces = problem.split(following.multipliers)
+            known = dict(zip(working.keys(), own_forces.tolist(), strict=True))
+            if len(working):
+                parents = working
+        raise NoRest(f"too many steps ({best:.1e}, {len(working)} gaps)")
 
-    def _changed(self, point: RestingPoint) -> tuple[Pairs, Array] | None:
-        """The gaps after one change that forces, places and neighbours ask for; None where they ask for none."""
-        pairs, forces = point.touching.pairs, point.forces
-        if not len(pairs):
-            return None
-        shape = Shape.of(point.state, self.gap)
-        at = places(shape, pairs)
-        off = np.maximum(-at, at - 1.0).max(axis=1)
-        worst = int(np.argmax(off))
-        if off[worst] > OFF:
-            keep = np.arange(len(pairs)) != worst
-            self.changes.append(f"off {pairs.keys()[worst]} {off[worst]:.1e}")
-            extra = crossed_neighbours(shape, pairs, self.length * DEPTH, without=pairs)
-            return self._with(pairs.take(keep), forces[keep], extra, point)
-        least = int(np.argmin(forces))
-        if forces[least] < -PULLS * max(1.0, float(np.abs(forces).max())):
-            keep = np.arange(len(pairs)) != least
-            self.changes.append(f"lift {pairs.keys()[least]} {forces[least]:.2e}")
-            return pairs.take(keep), forces[keep]
-        extra = crossed_neighbours(shape, pairs, self.length * DEPTH, without=pairs)
-        if len(extra):
-            return self._with(pairs, forces, extra, point)
-        return None
+    def _working(self, x: Array, own: Array, candidates: Pairs, forces: Array) -> tuple[Pairs, Array]:
+        """The candidates that push in the quadratic problem at x, and their forces.
 
-    def _with(self, pairs: Pairs, forces: Array, extra: Pairs, point: RestingPoint) -> tuple[Pairs, Array]:
-        if len(extra):
-            self.changes += [f"keep {key}" for key in extra.keys()]
-        return pairs.joined(extra), np.concatenate((forces, np.zeros(len(extra))))
+        With p = p_0 + V f for forces f, V = K^-1 G^T, linearised gaps are q + M f with M = G V, and f >= 0
+        minimises f.M f / 2 + q.f: a problem of non-negative least squares, of which M may be singular.
+        """
+        if not len(candidates):
+            return candidates, forces
+        problem = RestingProblem(self.band, candidates, self.gap)
+        local = problem.local_derivatives(x, np.concatenate((own, forces)))
+        assert isinstance(local, RestingDerivatives) and local.touched is not None
+        rows = np.array([problem.pull(_only(k, local.touched.jacobian)) for k in range(len(candidates))])
+        matrix = kkt_matrix(problem, local.pushed(), problem.rotations(x))
+        factor = Factor(matrix)
+        n, tail = problem.size, np.zeros(matrix.tail)
+        gradient = problem.base.lagrangian_gradient(local.free, own)
+        p = factor.solve(np.concatenate((-gradient, -local.free.constraints, tail)))[:n]
+        none = np.zeros(problem.base.rows)
+        v = np.array([factor.solve(np.concatenate((row, none, tail)))[:n] for row in rows])
+        away = problem.gaps(x).value - self.gap + rows @ p
+        found = pushing(rows @ v.T, away)
+        keep = found > 0.0
+        return candidates.take(keep), found[keep]
 
-    def _accepted(self, point: RestingPoint) -> Rest | tuple[Pairs, Array]:
-        """The shape, if neither it nor the way to it crosses anything; else the gaps to go on with."""
-        shape = Shape.of(point.state, self.gap)
+    def _left(self, problem: RestingProblem, result: Result) -> Array | None:
+        """A place beside a saddle, along its lowest direction, from which energy falls."""
+        self.saddles += 1
+        self.changes.append(f"leave saddle {result.negative} {result.energy:.9g}")
+        return Stepper(problem, self.options).left(iterate_at(problem, result.x, result.multipliers))
+
+    def _accepted(self, problem: RestingProblem, result: Result) -> Rest | Pairs:
+        """The shape, if neither it nor the way to it crosses anything; else contacts to go on with."""
+        shape = Shape.of(result.state, self.gap)
         found = audit(shape, DEPTH * self.length)
         met = passages(self.shape_before, shape)
-        pairs = point.touching.pairs
+        pairs = problem.pairs
         if found.penetration > DEPTH * self.length:
             known = set(pairs.keys())
             new = [k for k, key in enumerate(met.pairs.keys()) if key not in known]
@@ -206,17 +243,35 @@ class _Search:
             first = met.when[new[0]]
             chosen = [k for k in new if met.when[k] <= first + 1e-6]
             unique = {met.pairs.keys()[k]: k for k in chosen}
-            return self._with(pairs, point.forces, met.pairs.take(np.array(sorted(unique.values()))), point)
+            extra = met.pairs.take(np.array(sorted(unique.values())))
+            self.changes += [f"touch {key}" for key in extra.keys()]
+            return pairs.joined(extra)
         if len(met):
-            depth = depth_between(self.before.state, point.state, self.gap)
+            depth = depth_between(self.before.state, result.state, self.gap)
             if depth > SLIP * self.length:
                 raise NoRest(f"the way passes through itself, {depth:.1e} deep")
-        return Rest(point, found, self.steps, tuple(self.changes))
+        return Rest(problem, result, found, self.steps, tuple(self.changes))
 
     def _violated(self, shape: Shape, pair: Pairs) -> bool:
         what = arguments(pair)
         value = gaps(vectors(shape, what), what, pair.sign, shape.half_width).value
         return bool(value[0] < -0.1 * DEPTH * self.length)
+
+
+def _only(k: int, jacobian: Array) -> Array:
+    out = np.zeros_like(jacobian)
+    out[k] = jacobian[k]
+    return out
+
+
+def pushing(m: Array, away: Array) -> Array:
+    """Forces f >= 0 (k,) with m f + away >= 0 where f = 0 and = 0 where f > 0, m (k,k) symmetric and made
+    positive; the least squares solution where m is singular."""
+    values, vectors_ = np.linalg.eigh(0.5 * (m + m.T))
+    size = np.maximum(np.abs(values), 1e-12 * float(np.abs(values).max()))
+    root = np.sqrt(size)
+    found: Array = scipy.optimize.nnls(root[:, None] * vectors_.T, -(vectors_.T @ away) / root)[0]
+    return found
 
 
 def depth_between(before: State, after: State, gap: float) -> float:
@@ -230,22 +285,26 @@ def depth_between(before: State, after: State, gap: float) -> float:
     return deepest
 
 
-def crossed_neighbours(shape: Shape, pairs: Pairs, depth: float, without: Pairs) -> Pairs:
-    """Gaps beside places of contact that are crossed, the deepest at each place.
+def beside(shape: Shape, contacts: Pairs, gap: float) -> Pairs:
+    """Gaps that count around places of contact: of features that face each other there, or nearly do and are
+    not crossed.
 
-    The normal of a contact, from its second feature to its first, says on which side the sheets are to stay.
+    The normal of a contact, from its second feature to its first, says on which side the sheets are to stay. A
+    vertex that slides over a ruling passes from one facet's gap to the next one's. In a valley both count; over
+    a ridge the plane of the facet that it left is no bound, as its gap's sign tells.
     """
-    known = set(without.keys())
-    found: dict[tuple[int, int, int, int], tuple[float, int, float]] = {}
-    what = arguments(pairs)
+    if not len(contacts):
+        return contacts
+    found: dict[Key, tuple[float, float]] = {}
+    what = arguments(contacts)
     six = vectors(shape, what)
-    for k in range(len(pairs)):
+    reach = max(1e-3 * shape.length, 2.0 * gap)
+    for k in range(len(contacts)):
         c = np.cross(six[k, 4], six[k, 5])
-        normal = pairs.sign[k] * c / np.linalg.norm(c)
-        near = _neighbours(shape, pairs.take(np.array([k])))
-        if not len(near[0]):
+        normal = contacts.sign[k] * c / np.linalg.norm(c)
+        around, outward = _neighbours(shape, contacts.take(np.array([k])))
+        if not len(around):
             continue
-        around, outward = near
         their = arguments(around)
         theirs = vectors(shape, their)
         cross = np.cross(theirs[:, 4], theirs[:, 5])
@@ -253,17 +312,17 @@ def crossed_neighbours(shape: Shape, pairs: Pairs, depth: float, without: Pairs)
         facing = outward * (cross @ normal) / size
         value = gaps(theirs, their, np.sign(facing), shape.half_width).value
         at = places(shape, around)
-        inside = (np.maximum(-at, at - 1.0).max(axis=1) <= 0.0) & (np.abs(facing) > FACING)
+        off = np.maximum(-at, at - 1.0).max(axis=1)
+        counts = (off <= OFF) | ((off <= MARGIN) & (value > -ABOVE * shape.length))
+        counts &= (np.abs(facing) > FACING) & (np.abs(value) <= reach)
         keys = around.keys()
-        bad = [m for m in np.flatnonzero(inside & (value < -depth)) if keys[m] not in known]
-        if bad:
-            m = min(bad, key=lambda m: (value[m], keys[m]))
-            found.setdefault(keys[m], (float(np.sign(facing[m])), k, float(value[m])))
-    if not found:
+        for m in np.flatnonzero(counts):
+            found.setdefault(keys[m], (float(np.sign(facing[m])), float(value[m])))
+    names = sorted(sorted(found, key=lambda key: (found[key][1], key))[:MOST_CANDIDATES])
+    if not names:
         return Pairs.none()
-    names = np.array(sorted(found), dtype=np.int64)
-    sign = np.array([found[tuple(row)][0] for row in names.tolist()])
-    return Pairs(names[:, :2], names[:, 2:], sign)
+    table = np.array(names, dtype=np.int64)
+    return Pairs(table[:, :2], table[:, 2:], np.array([found[name][0] for name in names]))
 
 
 def _home(features: np.ndarray) -> int:
@@ -303,9 +362,3 @@ def _neighbours(shape: Shape, pair: Pairs) -> tuple[Pairs, Array]:
     )
     counts = apart >= shape.excluded
     return around.take(counts), np.concatenate(outward)[counts]
-
-
-def with_forces(rest: Rest, forces: Array) -> Rest:
-    """The same with other forces."""
-    point = rest.point
-    return replace(rest, point=RestingPoint.at(point.touching, point.x, point.multipliers, forces))
