@@ -69,7 +69,7 @@ def _counts(shapes, first, second, pairs: IntArray) -> NDArray[np.bool_]:  # typ
     return out
 
 
-def _corners(shape: Shape, vertices: Array) -> Array:
+def corners_of(shape: Shape, vertices: Array) -> Array:
     """Facets' corners (3,4,N) at given places of the vertices."""
     return np.ascontiguousarray(vertices[shape.corner_numbers].transpose(2, 1, 0))
 
@@ -119,7 +119,7 @@ def audit(shape: Shape, reach: float | None = None) -> Audit:
 def _audit(shape: Shape, reach: float) -> Audit:
     points = shape.vertices
     i, j = near_facets(
-        _corners(shape, points), np.zeros(shape.segments), reach, closed=shape.closed
+        corners_of(shape, points), np.zeros(shape.segments), reach, closed=shape.closed
     )
     features = Features.of((shape,), i, j)
     heights, over = _over_facets(shape, features.vertex_facet)
@@ -250,7 +250,7 @@ def passages(before: Shape, after: Shape) -> Passages:
     q = aligned(after.vertices, p)
     middle, half = 0.5 * (p + q), 0.5 * np.linalg.norm(q - p, axis=1)
     slack = half[before.corner_numbers].max(axis=1)
-    i, j = near_facets(_corners(before, middle), slack, 0.0, closed=before.closed)
+    i, j = near_facets(corners_of(before, middle), slack, 0.0, closed=before.closed)
     return _passages(before, after, p, q, Features.of((before, after), i, j))
 
 
@@ -289,6 +289,11 @@ def _passages(before: Shape, after: Shape, p: Array, q: Array, features: Feature
     order = np.lexsort((*np.hstack((pairs.first, pairs.second)).T[::-1], when))
     pairs = Pairs(pairs.first, pairs.second, np.where(rate > 0, -1.0, 1.0))
     return Passages(pairs.take(order), when[order])
+
+
+def meets(before: Shape, p: Array, q: Array, features: Features) -> bool:
+    """Whether any of these features meet while vertices go from p to q."""
+    return len(_passages(before, before, p, q, features)) > 0
 
 
 def _meetings(p: Array, q: Array, four: IntArray, inside):  # type: ignore[no-untyped-def]

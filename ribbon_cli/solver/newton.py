@@ -22,6 +22,7 @@ from .saddle_free import Direction, direction, newton_step
 from .status import Iterate, Result, SaddleMet, Status
 
 Guard = Callable[[State], str | None]
+Way = Callable[[Array, Array], bool]
 Watch = Callable[[int, float, float], None]
 
 
@@ -33,7 +34,8 @@ class Options:
     reached. `step_limit` bounds the change of tangents, of rulings relative
     to their length and of xi/4 in one step: branches are tracked locally, since longer steps jump to
     other topologies. `leave_saddles` is how many stationary points of positive index may be left.
-    `guard` returns a sentence where a state must not be accepted (it changed its linking number).
+    `guard` returns a sentence where a state must not be accepted (it changed its linking number), `way` whether
+    a step may be taken from one x to another.
     """
 
     tolerance: float = 1e-9
@@ -42,6 +44,7 @@ class Options:
     step_limit: float = 0.25
     leave_saddles: int = 6
     guard: Guard | None = None
+    way: Way | None = None
     watch: Watch | None = None
 
 
@@ -359,6 +362,8 @@ class _Solve:
         if (inverted_facets(self.problem, trial.x) <= 0).any():
             if self.trouble[0] is not Status.LEFT_TOPOLOGY:
                 self.trouble = (Status.INVERTED_FACET, "")
+            return False
+        if self.options.way is not None and not self.options.way(point.x, trial.x):
             return False
         # Short steps go unchecked until together they are long enough to carry the band through itself.
         moved = self.unguarded + change(point.x, trial.x - point.x)

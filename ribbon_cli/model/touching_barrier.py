@@ -1,0 +1,139 @@
+"""A barrier against touching: kappa B(d / reach) over pairs of features nearer than a reach.
+
+    B(y) = -(1 - y)^2 ln y for y < 1, else 0 (M. Li et al. 2020, Incremental Potential Contact, (6)).
+
+Pairs are vertices with facets and edges with edges, each at its distance: from a face, from an edge or from an
+end, whichever is nearest. So the sum is smooth where the nearest place passes from one feature to the next one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .band import Array
+from .contact import near_facets
+from .touching import EDGE, FACET, VERTEX, IntArray, Shape
+from .touching_audit import Features, corners_of, meets
+from .touching_gaps import Pairs, arguments, gaps, places, vectors
+
+
+def barrier(y: Array) -> tuple[Array, Array, Array]:
+    """B and its derivatives at y (k,), 0 < y < 1."""
+    log, left = np.log(y), 1.0 - y
+    return (
+        -left * left * log,
+        2.0 * left * log - left * left / y,
+        -2.0 * log + 4.0 * left / y + (left / y) ** 2,
+    )
+
+
+@dataclass(frozen=True)
+class Neighbourhood:
+    """Pairs of features that can come within a reach while no vertex moves by more than `bound` from where it
+    was when they were collected."""
+
+    vertices: Array
+    bound: float
+    features: Features
+    shape: Shape
+
+    @classmethod
+    def of(cls, shape: Shape, reach: float, bound: float) -> Neighbourhood:
+        """Collect them, over all pairs."""
+        slack = np.full(shape.segments, bound)
+        i, j = near_facets(corners_of(shape, shape.vertices), slack, reach, closed=shape.closed)
+        return cls(shape.vertices, bound, Features.of((shape,), i, j), shape)
+
+    def covers(self, shape: Shape) -> bool:
+        """Whether a shape is within the bound on motion."""
+        moved = shape.vertices - self.vertices
+        return bool((moved * moved).sum(axis=1).max() <= self.bound**2)
+
+    def passes(self, before: Shape, after: Shape) -> bool:
+        """Whether features meet while vertices move straight from one shape to another, both covered."""
+        return meets(before, before.vertices, after.vertices, self.features)
+
+
+def nearest(shape: Shape, features: Features, reach: float) -> Pairs:
+    """The pairs nearer than a reach, each as the features at which it is nearest, with the sign that makes
+    signed gaps positive."""
+    vf, ee = features.vertex_facet, features.edge_edge
+    points = shape.vertices
+    low, high = _boxes(points[shape.corner_numbers])
+    v = points[vf[:, 0]]
+    close = ((v >= low[vf[:, 1]] - reach) & (v <= high[vf[:, 1]] + reach)).all(axis=1)
+    vf = vf[close]
+    ends = np.stack(shape.edge_ends(np.arange(3 * len(shape.nodes))), axis=1)
+    low, high = _boxes(points[ends])
+    a, b = ee[:, 0], ee[:, 1]
+    close = ((low[a] <= high[b] + reach) & (low[b] <= high[a] + reach)).all(axis=1)
+    ee = ee[close]
+    found = _of_facets(shape, vf).joined(_of_edges(shape, ee, ends))
+    if not len(found):
+        return found
+    what = arguments(found)
+    value = gaps(vectors(shape, what), what, found.sign, shape.half_width).value
+    found = Pairs(found.first, found.second, np.where(value < 0, -1.0, 1.0))
+    return found.take(np.abs(value) < reach)
+
+
+def _boxes(points: Array) -> tuple[Array, Array]:
+    return points.min(axis=1), points.max(axis=1)
+
+
+def _typed(kinds: tuple[int, int], first: IntArray, second: IntArray) -> Pairs:
+    count = len(first)
+    return Pairs(
+        np.column_stack((np.full(count, kinds[0]), first)).astype(np.int64),
+        np.column_stack((np.full(count, kinds[1]), second)).astype(np.int64),
+        np.ones(count),
+    )
+
+
+def _of_facets(shape: Shape, vf: IntArray) -> Pairs:
+    """Vertices with facets at their nearest."""
+    over = _typed((VERTEX, FACET), vf[:, 0], vf[:, 1])
+    if not len(vf):
+        return over
+    at = places(shape, over)
+    inside = (np.maximum(-at, at - 1.0) <= 0.0).all(axis=1)
+    outside = np.flatnonzero(~inside)
+    v = np.repeat(vf[outside, 0], 4)
+    edges = shape.edge_numbers[vf[outside, 1]].ravel()
+    return over.take(inside).joined(_least(shape, v, edges, 4))
+
+
+def _of_edges(shape: Shape, ee: IntArray, ends: IntArray) -> Pairs:
+    """Edges with edges at their nearest."""
+    across = _typed((EDGE, EDGE), ee[:, 0], ee[:, 1])
+    if not len(ee):
+        return across
+    at = places(shape, across)
+    inside = (np.maximum(-at, at - 1.0) <= 0.0).all(axis=1)
+    outside = ee[~inside]
+    a, b = outside[:, 0], outside[:, 1]
+    v = np.column_stack((ends[a], ends[b])).ravel()
+    edges = np.column_stack((b, b, a, a)).ravel()
+    return across.take(inside).joined(_least(shape, v, edges, 4))
+
+
+def _least(shape: Shape, v: IntArray, edges: IntArray, of: int) -> Pairs:
+    """Of vertices with edges, `of` at a time, the nearest, at the edge's inside or at its end."""
+    if not len(v):
+        return Pairs.none()
+    points = shape.vertices
+    first, last = shape.edge_ends(edges)
+    p, along = points[first], points[last] - points[first]
+    square = np.maximum((along * along).sum(axis=1), np.finfo(float).tiny)
+    part = ((points[v] - p) * along).sum(axis=1) / square
+    rest = points[v] - p - np.clip(part, 0.0, 1.0)[:, None] * along
+    away = (rest * rest).sum(axis=1).reshape(-1, of)
+    best = np.arange(len(away)) * of + away.argmin(axis=1)
+    v, edges, part, first, last = v[best], edges[best], part[best], first[best], last[best]
+    inside = (part > 0.0) & (part < 1.0) & ~shape.slivers[edges]
+    end = np.where(part <= 0.5, first, last)
+    on_edge = _typed((VERTEX, EDGE), v[inside], edges[inside])
+    v, end = v[~inside], end[~inside]
+    return on_edge.joined(_typed((VERTEX, VERTEX), np.minimum(v, end), np.maximum(v, end)))
