@@ -15,7 +15,7 @@ to each other, so that numbers would not do.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -79,6 +79,27 @@ class Shape:
             np.einsum("ij,ij->i", tangents, rulings),
             excluded_distance(band.length, gap),
         )
+
+    def turned(self, turn: Array, shift: Array) -> Shape:
+        """The shape turned by a matrix from the right (3,3), and shifted (3,)."""
+        turning = {name: getattr(self, name) @ turn for name in ("u", "rulings", "far")}
+        placed = {name: getattr(self, name) @ turn + shift for name in ("nodes", "far_node")}
+        return replace(self, **turning, **placed)
+
+    def between(self, other: Shape, part: float) -> Shape:
+        """The shape whose vertices are a part of the straight way to another's."""
+        b = (1.0 - part) * self.half_width + part * other.half_width
+
+        def mixed(name: str, scaled: bool) -> Array:
+            one, two = getattr(self, name), getattr(other, name)
+            if scaled:
+                one, two = one * (self.half_width / b), two * (other.half_width / b)
+            out: Array = (1.0 - part) * one + part * two
+            return out
+
+        names = ("u", "xi", "nodes", "far_node", "eta")
+        vectors = {name: mixed(name, False) for name in names}
+        return replace(self, half_width=b, **vectors, rulings=mixed("rulings", True), far=mixed("far", True))
 
     @property
     def closed(self) -> bool:

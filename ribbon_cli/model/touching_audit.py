@@ -22,6 +22,8 @@ BLOCK = 100_000
 CLEAR = 1e-3
 """Reach, as part of l, within which a clearance is looked for first; it grows tenfold."""
 ROOT_STEPS = 60
+MOST_PARTS = 16
+"""Places of a motion at which depths are measured at most."""
 INSIDE = 1e-12
 """Margin of a feature's coordinates within which a crossing counts as inside."""
 
@@ -231,35 +233,53 @@ class Passages:
         return len(self.when)
 
 
-def aligned(vertices: Array, onto: Array) -> Array:
-    """Vertices (M,3) moved rigidly onto others, by least squares (Kabsch 1976)."""
-    here, there = vertices.mean(axis=0), onto.mean(axis=0)
-    u, _, v = np.linalg.svd((vertices - here).T @ (onto - there))
-    flip = np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ v))])
-    out: Array = (vertices - here) @ (u @ flip @ v) + there
-    return out
+class Motion:
+    """The straight way of all vertices from one shape to another, which is first turned to where the first is
+    (Kabsch 1976)."""
+
+    def __init__(self, before: Shape, after: Shape) -> None:
+        self.before = before
+        p, q = before.vertices, after.vertices
+        here, there = q.mean(axis=0), p.mean(axis=0)
+        u, _, v = np.linalg.svd((q - here).T @ (p - there))
+        turn = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ v))]) @ v
+        self.after = after.turned(turn, there - here @ turn)
+        self._p, self._q = p, self.after.vertices
+
+    def at(self, part: float) -> Shape:
+        """The shape at a part of the way."""
+        return self.before.between(self.after, part)
+
+    def passages(self) -> Passages:
+        """Continuous collision detection over all pairs.
+
+        No bound on the motion is assumed: the search for candidates has each facet's own motion for its slack.
+        """
+        middle, half = 0.5 * (self._p + self._q), 0.5 * np.linalg.norm(self._q - self._p, axis=1)
+        slack = half[self.before.corner_numbers].max(axis=1)
+        i, j = near_facets(corners_of(self.before, middle), slack, 0.0, closed=self.before.closed)
+        return self._among(i, j)
+
+    def passages_of_all_pairs(self) -> Passages:
+        """The same over every pair of facets, without a search: for small N, and for tests."""
+        return self._among(*np.triu_indices(self.before.segments, 1))
+
+    def _among(self, i: IntArray, j: IntArray) -> Passages:
+        features = Features.of((self.before, self.after), i, j)
+        return _passages(self.before, self.after, self._p, self._q, features)
+
+    def depth(self, met: Passages) -> float:
+        """The greatest depth of a crossing, looked for once between any two times at which features meet."""
+        times = np.unique(np.concatenate((met.when, [0.0, 1.0])))
+        parts = 0.5 * (times[1:] + times[:-1])
+        if len(parts) > MOST_PARTS:
+            parts = parts[np.linspace(0, len(parts) - 1, MOST_PARTS).astype(int)]
+        return max(audit(self.at(float(part)), 0.0).penetration for part in parts)
 
 
 def passages(before: Shape, after: Shape) -> Passages:
-    """Continuous collision detection over all pairs: vertices move straight from one shape to the other, which
-    is first moved rigidly to where the first is.
-
-    No bound on the motion is assumed: the search for candidates has each facet's own motion for its slack.
-    """
-    p = before.vertices
-    q = aligned(after.vertices, p)
-    middle, half = 0.5 * (p + q), 0.5 * np.linalg.norm(q - p, axis=1)
-    slack = half[before.corner_numbers].max(axis=1)
-    i, j = near_facets(corners_of(before, middle), slack, 0.0, closed=before.closed)
-    return _passages(before, after, p, q, Features.of((before, after), i, j))
-
-
-def passages_of_all_pairs(before: Shape, after: Shape) -> Passages:
-    """The same over every pair of facets, without a search: for small N, and for tests."""
-    p = before.vertices
-    q = aligned(after.vertices, p)
-    i, j = np.triu_indices(before.segments, 1)
-    return _passages(before, after, p, q, Features.of((before, after), i, j))
+    """Where features pass through each other on the straight way from one shape to another."""
+    return Motion(before, after).passages()
 
 
 def _passages(before: Shape, after: Shape, p: Array, q: Array, features: Features) -> Passages:

@@ -434,6 +434,16 @@ class Stepper:
             except FactorisationError:
                 return None
 
+    def restored(self, x: Array, rounds: int = 8) -> Array:
+        """The place (7N,) near x on the constraints, by least moves."""
+        search, problem = self._solve.search, self._solve.problem
+        for _ in range(rounds):
+            if float(np.abs(problem.constraints(x)).max()) <= self._solve.options.tolerance:
+                break
+            point = iterate_at(problem, x, None)
+            x = x + search.correct(point, x)
+        return x
+
     def left(self, saddle: Iterate) -> Array | None:
         """A place (7N,) beside a saddle along its lowest eigenvector, of less energy, or None."""
         problem = self._solve.problem

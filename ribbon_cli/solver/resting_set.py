@@ -16,12 +16,14 @@ import scipy
 
 from ..model.band import Array, Band, State
 from ..model.touching import EDGE, FACET, VERTEX, Shape
-from ..model.touching_audit import Audit, audit, passages
+from ..model.touching_audit import Audit, Motion, audit
 from ..model.touching_gaps import Pairs, arguments, gaps, places, vectors
 from ..parts import HALF_WIDTH
+from .kkt import FactorisationError
 from .linear import Factor
 from .newton import Options, Stepper, iterate_at, solve
 from .resting import RestingProblem, resting_rates
+from .resting_barrier import BarrierProblem
 from .resting_kkt import RestingDerivatives, kkt_matrix
 from .status import STATIONARY, Result, Status
 
@@ -34,6 +36,13 @@ SLIP = 1e-4
 """Depth, as part of l, that sheets which slide on each other may have half-way between two shapes: their
 straight way cuts a curve short. What passes deeper has passed through."""
 MOST_ROUNDS, MOST_STEPS, MOST_STUCK, MOST_SADDLES = 12, 60, 12, 3
+REACHES = (5e-4, 5e-5)
+"""Reaches of the barrier, as parts of l, one after the other."""
+MOST_DESCENTS = 150
+BARRIER_GOAL = 1e-6
+PROXIMAL = 1e-2
+DEPENDENT = 1e-9
+"""Eigenvalue of the gaps' compliance, relative to the largest, below which gaps depend on each other."""
 MOST_CANDIDATES = 24
 """Gaps of one quadratic problem, the least ones."""
 MARGIN = 0.5
@@ -43,7 +52,6 @@ AROUND = 2
 """Facets to either side of a place of contact whose features are its neighbours."""
 FACING = 0.2
 """Least cosine between the normal of a gap and that of the contact it is a neighbour of."""
-SAMPLES = 9
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,30 +132,79 @@ def slopes(rest: Rest, name: str = HALF_WIDTH) -> Slopes:
 
 
 def moved(rest: Rest, band: Band, by: float, along: Slopes | None) -> Rest:
-    """The next shape, with a band of other parameters, from a shape that does not cross itself."""
+    """The next shape by quadratic programming, with a band of other parameters. Raises NoRest."""
     x, multipliers = rest.result.x, rest.result.multipliers
     if along is not None:
         x, multipliers = x + by * along.x, multipliers + by * along.multipliers
-    return _Search(rest, band).run(x, multipliers)
+    own, forces = rest.problem.split(multipliers)
+    return _Search(rest.state, band, rest.gap, SLIP).run(x, own, rest.pairs, forces)
+
+
+def found(rest: Rest, band: Band, by: float, along: Slopes | None) -> Rest:
+    """The next shape by a barrier, then without it. Raises NoRest.
+
+    From the shape its gaps are opened to half of the reach, by the least move, and nothing meets on the way;
+    nor does it on any step of the descents, which end a thirtieth of the first reach apart.
+    """
+    length = band.length
+    start, own = _opened(rest, band, by, along, 0.5 * REACHES[0] * length)
+    _clean(rest.state, start, 10.0 * DEPTH * length)
+    steps, x = 0, start.vector()
+    for reach in REACHES:
+        problem = BarrierProblem(band, reach * length)
+        options = Options(way=problem.allows, leave_saddles=MOST_SADDLES, max_steps=MOST_DESCENTS, goal=BARRIER_GOAL, tolerance=BARRIER_GOAL)
+        result = solve(problem, x, own, options)
+        steps += result.steps
+        if result.status not in (*STATIONARY, Status.STALLED, Status.ITERATION_LIMIT):
+            raise NoRest(f"{result.status.value} at reach {reach:g}")
+        x, own = result.x, result.multipliers
+    near = problem.near(x)
+    forces = problem.forces(x, near)
+    facing = ~((near.first[:, 0] == VERTEX) & (near.second[:, 0] != FACET))
+    search = _Search(result.state, band, 0.0, 10.0 * DEPTH)
+    end = search.run(x, own, near.take(facing), forces[facing])
+    return replace(end, steps=end.steps + steps, changes=("barrier", *end.changes))
+
+
+def _opened(rest: Rest, band: Band, by: float, along: Slopes | None, gap: float) -> tuple[State, Array]:
+    """A shape beside one at rest whose gaps are open, and multipliers of its constraints."""
+    x, multipliers = rest.result.x, rest.result.multipliers
+    if along is not None:
+        x, multipliers = x + by * along.x, multipliers + by * along.multipliers
+    problem = RestingProblem(band, rest.pairs, gap)
+    try:
+        x = Stepper(problem, Options()).restored(x)
+    except FactorisationError as error:
+        raise NoRest("gaps cannot be opened all at once") from error
+    return problem.state(x), rest.problem.split(multipliers)[0]
+
+
+def _clean(before: State, after: State, depth: float) -> None:
+    """Raise NoRest if anything passes through anything deeper than this between two shapes, or at the end."""
+    motion = Motion(Shape.of(before), Shape.of(after))
+    met = motion.passages()
+    if audit(motion.after, 0.0).penetration > 0.0:
+        raise NoRest("the start crosses itself")
+    if len(met) and motion.depth(met) > depth:
+        raise NoRest("the way to the start passes through itself")
 
 
 class _Search:
     """Sequential quadratic programming with gaps as inequalities, from one shape to the next."""
 
-    def __init__(self, before: Rest, band: Band) -> None:
-        self.before, self.band, self.gap = before, band, before.gap
+    def __init__(self, before: State, band: Band, gap: float, slip: float) -> None:
+        self.band, self.gap, self.slip = band, gap, slip
         self.length = band.length
-        self.shape_before = Shape.of(before.state, before.gap)
+        self.shape_before = Shape.of(before, gap)
         self.changes: list[str] = []
         self.steps = 0
         self.saddles = 0
         self.options = Options(leave_saddles=0)
 
-    def run(self, x: Array, multipliers: Array) -> Rest:
-        """The next shape. Raises NoRest."""
-        own, forces = self.before.problem.split(multipliers)
-        known = dict(zip(self.before.pairs.keys(), forces.tolist(), strict=True))
-        parents = self.before.pairs
+    def run(self, x: Array, own: Array, pairs: Pairs, forces: Array) -> Rest:
+        """The next shape, from x with multipliers of constraints, contacts and forces. Raises NoRest."""
+        known = dict(zip(pairs.keys(), forces.tolist(), strict=True))
+        parents = pairs
         for _ in range(MOST_ROUNDS):
             problem, result = self._converged(x, own, parents, known)
             end = self._accepted(problem, result)
@@ -202,7 +259,9 @@ class _Search:
         """The candidates that push in the quadratic problem at x, and their forces.
 
         With p = p_0 + V f for forces f, V = K^-1 G^T, linearised gaps are q + M f with M = G V, and f >= 0
-        minimises f.M f / 2 + q.f: a problem of non-negative least squares, of which M may be singular.
+        minimises f.M f / 2 + q.f: a problem of non-negative least squares, of which M may be singular. K has
+        `PROXIMAL` added to W: at a stationary point that changes no force, and soft modes would drown all
+        differences between gaps.
         """
         if not len(candidates):
             return candidates, forces
@@ -211,16 +270,17 @@ class _Search:
         assert isinstance(local, RestingDerivatives) and local.touched is not None
         rows = np.array([problem.pull(_only(k, local.touched.jacobian)) for k in range(len(candidates))])
         matrix = kkt_matrix(problem, local.pushed(), problem.rotations(x))
-        factor = Factor(matrix)
+        factor = Factor(matrix, shift=-PROXIMAL)
         n, tail = problem.size, np.zeros(matrix.tail)
-        gradient = problem.base.lagrangian_gradient(local.free, own)
+        # From the forces as they are: with soft modes M is large, and what is left of a force by rounding too.
+        gradient = problem.base.lagrangian_gradient(local.free, own) - forces @ rows
         p = factor.solve(np.concatenate((-gradient, -local.free.constraints, tail)))[:n]
         none = np.zeros(problem.base.rows)
         v = np.array([factor.solve(np.concatenate((row, none, tail)))[:n] for row in rows])
-        away = problem.gaps(x).value - self.gap + rows @ p
-        found = pushing(rows @ v.T, away)
-        keep = found > 0.0
-        return candidates.take(keep), found[keep]
+        m = rows @ v.T
+        away = problem.gaps(x).value - self.gap + rows @ p - m @ forces
+        keep = pushing(m, away) > 0.0
+        return candidates.take(keep), forces[keep]
 
     def _left(self, problem: RestingProblem, result: Result) -> Array | None:
         """A place beside a saddle, along its lowest direction, from which energy falls."""
@@ -232,7 +292,8 @@ class _Search:
         """The shape, if neither it nor the way to it crosses anything; else contacts to go on with."""
         shape = Shape.of(result.state, self.gap)
         found = audit(shape, DEPTH * self.length)
-        met = passages(self.shape_before, shape)
+        motion = Motion(self.shape_before, shape)
+        met = motion.passages()
         pairs = problem.pairs
         if found.penetration > DEPTH * self.length:
             known = set(pairs.keys())
@@ -247,8 +308,8 @@ class _Search:
             self.changes += [f"touch {key}" for key in extra.keys()]
             return pairs.joined(extra)
         if len(met):
-            depth = depth_between(self.before.state, result.state, self.gap)
-            if depth > SLIP * self.length:
+            depth = motion.depth(met)
+            if depth > self.slip * self.length:
                 raise NoRest(f"the way passes through itself, {depth:.1e} deep")
         return Rest(problem, result, found, self.steps, tuple(self.changes))
 
@@ -265,24 +326,13 @@ def _only(k: int, jacobian: Array) -> Array:
 
 
 def pushing(m: Array, away: Array) -> Array:
-    """Forces f >= 0 (k,) with m f + away >= 0 where f = 0 and = 0 where f > 0, m (k,k) symmetric and made
-    positive; the least squares solution where m is singular."""
-    values, vectors_ = np.linalg.eigh(0.5 * (m + m.T))
-    size = np.maximum(np.abs(values), 1e-12 * float(np.abs(values).max()))
-    root = np.sqrt(size)
-    found: Array = scipy.optimize.nnls(root[:, None] * vectors_.T, -(vectors_.T @ away) / root)[0]
+    """Forces f >= 0 (k,) with m f + away >= 0 where f = 0 and = 0 where f > 0, m (k,k) symmetric; of gaps that
+    depend on each other some stay without force."""
+    values, axes = np.linalg.eigh(0.5 * (m + m.T))
+    clear = values > DEPENDENT * float(values[-1])
+    root, axes = np.sqrt(values[clear]), axes[:, clear]
+    found: Array = scipy.optimize.nnls(root[:, None] * axes.T, -(axes.T @ away) / root)[0]
     return found
-
-
-def depth_between(before: State, after: State, gap: float) -> float:
-    """The greatest depth of a crossing at a few places of the straight way between two shapes."""
-    deepest = 0.0
-    x, y = before.vector(), after.vector()
-    for part in np.linspace(0.0, 1.0, SAMPLES + 2)[1:-1]:
-        b = (1.0 - part) * before.band.half_width + part * after.band.half_width
-        middle = State.from_vector(before.band.with_half_width(b), (1.0 - part) * x + part * y)
-        deepest = max(deepest, audit(Shape.of(middle, gap), DEPTH * before.band.length).penetration)
-    return deepest
 
 
 def beside(shape: Shape, contacts: Pairs, gap: float) -> Pairs:
