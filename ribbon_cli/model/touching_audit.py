@@ -120,9 +120,7 @@ def audit(shape: Shape, reach: float | None = None) -> Audit:
 
 def _audit(shape: Shape, reach: float) -> Audit:
     points = shape.vertices
-    i, j = near_facets(
-        corners_of(shape, points), np.zeros(shape.segments), reach, closed=shape.closed
-    )
+    i, j = near_facets(corners_of(shape, points), np.zeros(shape.segments), reach, closed=shape.closed)
     features = Features.of((shape,), i, j)
     heights, over = _over_facets(shape, features.vertex_facet)
     between = _edge_distances(shape, features.edge_edge)
@@ -137,8 +135,18 @@ def _audit(shape: Shape, reach: float) -> Audit:
 
 
 def _pairs(vf: IntArray, ee: IntArray) -> Pairs:
-    first = np.vstack((np.column_stack((np.full(len(vf), VERTEX), vf[:, 0])), np.column_stack((np.full(len(ee), EDGE), ee[:, 0]))))
-    second = np.vstack((np.column_stack((np.full(len(vf), FACET), vf[:, 1])), np.column_stack((np.full(len(ee), EDGE), ee[:, 1]))))
+    first = np.vstack(
+        (
+            np.column_stack((np.full(len(vf), VERTEX), vf[:, 0])),
+            np.column_stack((np.full(len(ee), EDGE), ee[:, 0])),
+        )
+    )
+    second = np.vstack(
+        (
+            np.column_stack((np.full(len(vf), FACET), vf[:, 1])),
+            np.column_stack((np.full(len(ee), EDGE), ee[:, 1])),
+        )
+    )
     return Pairs(first, second, np.ones(len(first)))
 
 
@@ -161,9 +169,7 @@ def _in_facet(shape: Shape, points: Array, f: IntArray) -> tuple[Array, Array, A
 
 def _on_facet(along: Array, across: Array, xi: Array) -> NDArray[np.bool_]:
     far = 1.0 + across * np.tanh(xi)
-    out: NDArray[np.bool_] = (
-        (np.abs(across) <= 1.0 + INSIDE) & (along >= -INSIDE) & (along <= far + INSIDE)
-    )
+    out: NDArray[np.bool_] = (np.abs(across) <= 1.0 + INSIDE) & (along >= -INSIDE) & (along <= far + INSIDE)
     return out
 
 
@@ -323,7 +329,9 @@ def _meetings(p: Array, q: Array, four: IntArray, inside):  # type: ignore[no-un
     # Boxes of the whole motion first.
     low, high = np.minimum(p[four], q[four]), np.maximum(p[four], q[four])
     count = 3 if inside is _in_triangle else 2
-    apart = (low[:, :count].min(1) > high[:, count:].max(1)) | (high[:, :count].max(1) < low[:, count:].min(1))
+    apart = (low[:, :count].min(1) > high[:, count:].max(1)) | (
+        high[:, :count].max(1) < low[:, count:].min(1)
+    )
     kept = np.flatnonzero(~apart.any(axis=1))
     a, d = a[kept], d[kept]
     coefficients = _volume(a, d)

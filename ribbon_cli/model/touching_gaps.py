@@ -63,6 +63,11 @@ class Pairs:
             np.concatenate((self.sign, other.sign)),
         )
 
+    def unique(self) -> Pairs:
+        """The pairs, each once."""
+        first = {key: k for k, key in reversed(list(enumerate(self.keys())))}
+        return self.take(np.array(sorted(first.values()), dtype=np.int64))
+
     def ordered(self) -> Pairs:
         """The pairs in the order of their names."""
         return self.take(np.lexsort(np.hstack((self.first, self.second)).T[::-1]))
@@ -241,9 +246,11 @@ def _to_line(d: Array, p: Array, q: Array) -> tuple[Array, Array, Array]:
     k = part[:, :, None]
     second[:, :3, :3] = across
     second[:, :3, 6:] = -k * across - tilt
-    second[:, 6:, 6:] = k * k * across + k * (tilt + np.swapaxes(tilt, 1, 2)) - (
-        value[:, None, None] / square[:, :, None]
-    ) * _outer(n, n)
+    second[:, 6:, 6:] = (
+        k * k * across
+        + k * (tilt + np.swapaxes(tilt, 1, 2))
+        - (value[:, None, None] / square[:, :, None]) * _outer(n, n)
+    )
     return value, first, _symmetric(second)
 
 
@@ -269,7 +276,10 @@ def places(shape: Shape, pairs: Pairs) -> Array:
     six = vectors(shape, what)
     b = shape.half_width
     lean = b * what.reach[:, :, None]
-    first, second = six[:, R_FIRST] + lean[:, 0] * six[:, G_FIRST], six[:, R_SECOND] + lean[:, 1] * six[:, G_SECOND]
+    first, second = (
+        six[:, R_FIRST] + lean[:, 0] * six[:, G_FIRST],
+        six[:, R_SECOND] + lean[:, 1] * six[:, G_SECOND],
+    )
     facing = pairs.second[:, 0] == FACET
     p, q = six[:, ONE], six[:, TWO]
     c = np.cross(p, q)

@@ -111,7 +111,9 @@ class BlockReduction:
         blocks = matrix.node_blocks
         self._position = blocks.position
         diagonal, coupling, border = blocks.diagonal.copy(), blocks.coupling.copy(), blocks.border.copy()
-        corner = np.zeros((border.shape[2], border.shape[2])) if blocks.corner is None else blocks.corner.copy()
+        corner = (
+            np.zeros((border.shape[2], border.shape[2])) if blocks.corner is None else blocks.corner.copy()
+        )
         if shift and metric is None:
             unknowns = np.arange(7)
             diagonal[:, unknowns, unknowns] -= shift * matrix.metric.reshape(-1, 7)

@@ -81,7 +81,12 @@ class RestingProblem(Problem):
         if local.touched is None:
             return own
         rows = np.array(
-            [self.pull(np.where(np.arange(len(self.pairs))[:, None, None] == k, local.touched.jacobian, 0.0)) for k in range(len(self.pairs))]
+            [
+                self.pull(
+                    np.where(np.arange(len(self.pairs))[:, None, None] == k, local.touched.jacobian, 0.0)
+                )
+                for k in range(len(self.pairs))
+            ]
         )
         return scipy.sparse.csc_matrix(scipy.sparse.vstack((own, scipy.sparse.csc_matrix(rows))))
 

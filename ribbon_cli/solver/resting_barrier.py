@@ -76,12 +76,16 @@ class BarrierProblem(Problem):
         own["energy"] = free.energy + self.kappa * float(value.sum())
         own["gradient"] = free.gradient + pulled_back(self.base, copies, on_copies)
         flat = found.gradient.reshape(-1, 18)
-        hessian = second[:, None, None] * flat[:, :, None] * flat[:, None, :] + first[:, None, None] * found.hessian
+        hessian = (
+            second[:, None, None] * flat[:, :, None] * flat[:, None, :] + first[:, None, None] * found.hessian
+        )
         touched = Touched(copies, found.gradient[:0], hessian)
         return RestingDerivatives(**own, base=self.base, free=free, touched=touched)
 
     def lagrangian_gradient(self, local: LocalDerivatives, multipliers: Array) -> Array:
         """Gradient (7N,) of the Lagrangian."""
         assert isinstance(local, RestingDerivatives)
-        out: Array = self.base.lagrangian_gradient(local.free, multipliers) + local.gradient - local.free.gradient
+        out: Array = (
+            self.base.lagrangian_gradient(local.free, multipliers) + local.gradient - local.free.gradient
+        )
         return out
