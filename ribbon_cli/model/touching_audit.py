@@ -36,20 +36,36 @@ class Features:
     edge_edge: IntArray
 
     @classmethod
-    def of(cls, shapes: tuple[Shape, ...], i: IntArray, j: IntArray) -> Features:
-        """The features of pairs of facets that count in any of the shapes of one strip."""
+    def of(
+        cls, shapes: tuple[Shape, ...], i: IntArray, j: IntArray, within: float | None = None
+    ) -> Features:
+        """The features of pairs of facets that count in any of the shapes of one strip; those in boxes farther
+        apart than `within` in the first are left out."""
         shape = shapes[0]
         corners, edges = shape.corner_numbers, shape.edge_numbers
         one = np.stack((corners[i], np.broadcast_to(j[:, None], (len(j), 4))), axis=-1).reshape(-1, 2)
         other = np.stack((corners[j], np.broadcast_to(i[:, None], (len(i), 4))), axis=-1).reshape(-1, 2)
         vf = _unique(np.vstack((one, other)))
-        vf = vf[_counts(shapes, Shape.flat_of_vertices, Shape.flat_of_facets, vf)]
         first = np.repeat(edges[i], 4, axis=1).reshape(-1)
         second = np.tile(edges[j], (1, 4)).reshape(-1)
         ee = _unique(np.stack((np.minimum(first, second), np.maximum(first, second)), axis=-1))
         slivers = np.all([s.slivers for s in shapes], axis=0)
         ee = ee[(ee[:, 0] != ee[:, 1]) & ~slivers[ee].any(axis=1)]
+        if within is not None:
+            vf, ee = vf[boxes_near(shape, vf, within)], ee[_edge_distances(shape, ee) <= within]
+        vf = vf[_counts(shapes, Shape.flat_of_vertices, Shape.flat_of_facets, vf)]
         return cls(vf, ee[_counts(shapes, Shape.flat_of_edges, Shape.flat_of_edges, ee)])
+
+
+def boxes_near(shape: Shape, vf: IntArray, within: float) -> NDArray[np.bool_]:
+    """Whether vertices are within a distance of facets' boxes, and of their planes."""
+    points = shape.vertices
+    outlines = points[shape.corner_numbers]
+    low, high, v = outlines.min(axis=1), outlines.max(axis=1), points[vf[:, 0]]
+    near = ((v >= low[vf[:, 1]] - within) & (v <= high[vf[:, 1]] + within)).all(axis=1)
+    at = np.flatnonzero(near)
+    near[at] = np.abs(_in_facet(shape, v[at], vf[at, 1])[2]) <= within
+    return near
 
 
 def _unique(pairs: IntArray) -> IntArray:

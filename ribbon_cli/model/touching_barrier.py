@@ -15,7 +15,7 @@ import numpy as np
 from .band import Array
 from .contact import near_facets
 from .touching import EDGE, FACET, VERTEX, IntArray, Shape
-from .touching_audit import Features, corners_of, meets
+from .touching_audit import Features, boxes_near, corners_of, meets
 from .touching_gaps import Pairs, arguments, gaps, places, vectors
 
 
@@ -44,7 +44,8 @@ class Neighbourhood:
         """Collect them, over all pairs."""
         slack = np.full(shape.segments, bound)
         i, j = near_facets(corners_of(shape, shape.vertices), slack, reach, closed=shape.closed)
-        return cls(shape.vertices, bound, Features.of((shape,), i, j), shape)
+        features = Features.of((shape,), i, j, reach + 2.0 * bound)
+        return cls(shape.vertices, bound, features, shape)
 
     def covers(self, shape: Shape) -> bool:
         """Whether a shape is within the bound on motion."""
@@ -61,10 +62,7 @@ def nearest(shape: Shape, features: Features, reach: float) -> Pairs:
     signed gaps positive."""
     vf, ee = features.vertex_facet, features.edge_edge
     points = shape.vertices
-    low, high = _boxes(points[shape.corner_numbers])
-    v = points[vf[:, 0]]
-    close = ((v >= low[vf[:, 1]] - reach) & (v <= high[vf[:, 1]] + reach)).all(axis=1)
-    vf = vf[close]
+    vf = vf[boxes_near(shape, vf, reach)]
     ends = np.stack(shape.edge_ends(np.arange(3 * len(shape.nodes))), axis=1)
     low, high = _boxes(points[ends])
     a, b = ee[:, 0], ee[:, 1]

@@ -149,8 +149,7 @@ def _accepted(
     shape, length = Shape.of(result.state, problem.gap), problem.band.length
     forces = problem.split(result.multipliers)[1]
     if len(forces):
-        at = places(shape, problem.pairs)
-        off = float(np.maximum(-at, at - 1.0).max())
+        off = float(_off(shape, problem.pairs).max())
         if off > OFF:
             raise NoRest(f"a place of contact is off its features by {off:.1e}")
         if forces.min() < -PULLS * max(1.0, float(forces.max())):
@@ -241,17 +240,22 @@ def _polished(
     options, best, stuck = Options(leave_saddles=0), np.inf, 0
     known = dict(zip(listed.keys(), forces.tolist(), strict=True))
     for steps in range(MOST_STEPS):
-        at = places(Shape.of(State.from_vector(band, x)), listed)
-        candidates = listed.take(np.maximum(-at, at - 1.0).max(axis=1) <= MARGIN) if len(listed) else listed
+        candidates = listed.take(_off(Shape.of(State.from_vector(band, x)), listed) <= MARGIN)
         here = np.array([known.get(key, 0.0) for key in candidates.keys()])
         working, own_forces = _working(band, x, own, candidates, here)
         problem = RestingProblem(band, working)
         point = iterate_at(problem, x, np.concatenate((own, own_forces)))
         if point.worst <= options.goal or (point.worst <= options.tolerance and stuck > 1):
-            result = solve(problem, x, point.multipliers, replace(options, max_steps=4))
-            if result.status not in STATIONARY:
-                raise NoRest(f"{result.status.value} at the end")
-            return problem, result, steps
+            off = _off(Shape.of(point.state), working)
+            if not (off > OFF).any():
+                result = solve(problem, x, point.multipliers, replace(options, max_steps=4))
+                if result.status not in STATIONARY:
+                    raise NoRest(f"{result.status.value} at the end")
+                return problem, result, steps
+            gone = working.keys()[int(np.argmax(off))]
+            listed = listed.take(np.array([key != gone for key in listed.keys()]))
+            best = np.inf
+            continue
         stuck, best = (0, point.worst) if point.worst < 0.5 * best else (stuck + 1, best)
         following = None if stuck > MOST_STUCK else Stepper(problem, options).step(point)
         if following is None:
@@ -285,6 +289,13 @@ def _working(band: Band, x: Array, own: Array, candidates: Pairs, forces: Array)
     m = rows @ v.T
     keep = pushing(m, problem.gaps(x).value + rows @ p - m @ forces) > 0.0
     return candidates.take(keep), forces[keep]
+
+
+def _off(shape: Shape, pairs: Pairs) -> Array:
+    """How far (k,) places of contact are off their features, in the features' coordinates."""
+    at = places(shape, pairs)
+    out: Array = np.maximum(-at, at - 1.0).max(axis=1, initial=0.0)
+    return out
 
 
 def _only(k: int, jacobian: Array) -> Array:
