@@ -135,3 +135,55 @@ def _least(shape: Shape, v: IntArray, edges: IntArray, of: int) -> Pairs:
     on_edge = _typed((VERTEX, EDGE), v[inside], edges[inside])
     v, end = v[~inside], end[~inside]
     return on_edge.joined(_typed((VERTEX, VERTEX), np.minimum(v, end), np.maximum(v, end)))
+
+
+def candidates(shape: Shape, near: Pairs) -> Pairs:
+    """The signed gaps that stand for near pairs: those of faces and crossing edges themselves, and for a vertex
+    near an edge, or a vertex, those of what meets there.
+
+    Over a ruling in a valley the planes of both its facets bound a vertex; over a ridge neither does, and the
+    sides that meet at the vertex may cross the ruling. The shape crosses nothing, so that signs are known.
+    """
+    found: dict[tuple[int, int, int, int], None] = {}
+    for first, second in zip(near.first.tolist(), near.second.tolist(), strict=True):
+        if first[0] == EDGE or second[0] == FACET:
+            found[first[0], first[1], second[0], second[1]] = None
+        elif second[0] == EDGE:
+            found.update(dict.fromkeys(_at_edge(shape, first[1], second[1])))
+        else:
+            sides = [(a, b) for a in _sides(shape, first[1]) for b in _sides(shape, second[1])]
+            found.update(dict.fromkeys((EDGE, min(p), EDGE, max(p)) for p in sides))
+    if not found:
+        return Pairs.none()
+    table = np.array(sorted(found), dtype=np.int64)
+    pairs = Pairs(table[:, :2], table[:, 2:], np.ones(len(table)))
+    what = arguments(pairs)
+    value = gaps(vectors(shape, what), what, pairs.sign, shape.half_width).value
+    return Pairs(pairs.first, pairs.second, np.where(value < 0, -1.0, 1.0))
+
+
+def _at_edge(shape: Shape, vertex: int, edge: int) -> list[tuple[int, int, int, int]]:
+    """What stands for a vertex near an edge."""
+    crossing = [(EDGE, min(a, edge), EDGE, max(a, edge)) for a in _sides(shape, vertex)]
+    k = edge // 3
+    if edge % 3:
+        return crossing
+    before = k - 1 if k or not shape.closed else shape.segments - 1
+    if before < 0 or k >= shape.segments:
+        return crossing
+    facing = [(VERTEX, vertex, FACET, before), (VERTEX, vertex, FACET, k)]
+    normal = np.cross(shape.u[before], shape.rulings[before])
+    side = np.sign((shape.vertices[vertex] - shape.nodes[k]) @ normal)
+    if before == shape.segments - 1:  # across the seam the strip's ends may lie elsewhere in space by rounding
+        side = np.sign((shape.vertices[vertex] - shape.far_node) @ normal)
+    return facing if side * (shape.u[k] @ normal) > 0 else crossing
+
+
+def _sides(shape: Shape, vertex: int) -> list[int]:
+    """The sides that meet at a vertex."""
+    k, upper = vertex // 2, vertex % 2
+    ahead, behind = 3 * k + 1 + upper, 3 * (k - 1) + 1 + upper
+    if k == 0:
+        n = shape.segments
+        behind = 3 * (n - 1) + 1 + (upper if shape.sigma >= 0 else 1 - upper) if shape.closed else -1
+    return [e for e in (behind, ahead) if e >= 0 and not shape.slivers[e]]

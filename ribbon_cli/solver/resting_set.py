@@ -15,8 +15,9 @@ import numpy as np
 import scipy
 
 from ..model.band import Array, Band, State
-from ..model.touching import FACET, VERTEX, Shape
+from ..model.touching import Shape
 from ..model.touching_audit import Audit, Motion, audit
+from ..model.touching_barrier import candidates
 from ..model.touching_gaps import Pairs, arguments, gaps, places, vectors
 from ..parts import HALF_WIDTH
 from .kkt import FactorisationError
@@ -27,7 +28,7 @@ from .resting_barrier import BarrierProblem
 from .resting_kkt import RestingDerivatives, kkt_matrix
 from .status import STATIONARY, Result, Status
 
-OFF = 1e-9
+OFF = 1e-6
 """How far off its features, in their coordinates, a place of contact may be."""
 DEPTH = 1e-10
 """Depth, as part of l, from which a crossing counts: a tenth of what a certificate allows."""
@@ -192,10 +193,11 @@ def found(rest: Rest, band: Band, by: float, along: Slopes | None) -> Rest:
         if k < POLISH_FROM:
             continue
         near = problem.near(x)
-        forces = problem.forces(x, near)
-        facing = ~((near.first[:, 0] == VERTEX) & (near.second[:, 0] != FACET))
+        listed = candidates(problem.shape(x), near)
+        pushed = dict(zip(near.keys(), problem.forces(x, near).tolist(), strict=True))
+        forces = np.array([pushed.get(key, 0.0) for key in listed.keys()])
         try:
-            polished, end, more = _polished(band, x, own, near.take(facing), forces[facing])
+            polished, end, more = _polished(band, x, own, listed, forces)
             return _accepted(result.state, polished, end, 10.0 * DEPTH, steps + more, ("barrier",))
         except NoRest as failure:
             why = failure
@@ -240,9 +242,9 @@ def _polished(
     options, best, stuck = Options(leave_saddles=0), np.inf, 0
     known = dict(zip(listed.keys(), forces.tolist(), strict=True))
     for steps in range(MOST_STEPS):
-        candidates = listed.take(_off(Shape.of(State.from_vector(band, x)), listed) <= MARGIN)
-        here = np.array([known.get(key, 0.0) for key in candidates.keys()])
-        working, own_forces = _working(band, x, own, candidates, here)
+        possible = listed.take(_off(Shape.of(State.from_vector(band, x)), listed) <= MARGIN)
+        here = np.array([known.get(key, 0.0) for key in possible.keys()])
+        working, own_forces = _working(band, x, own, possible, here)
         problem = RestingProblem(band, working)
         point = iterate_at(problem, x, np.concatenate((own, own_forces)))
         if point.worst <= options.goal or (point.worst <= options.tolerance and stuck > 1):
@@ -265,7 +267,7 @@ def _polished(
     raise NoRest(f"too many steps ({best:.1e}, {len(working)} gaps)")
 
 
-def _working(band: Band, x: Array, own: Array, candidates: Pairs, forces: Array) -> tuple[Pairs, Array]:
+def _working(band: Band, x: Array, own: Array, possible: Pairs, forces: Array) -> tuple[Pairs, Array]:
     """The candidates that push in the quadratic problem at x, with their forces as they are.
 
     With p = p_0 + V f for forces f, V = K^-1 G^T, linearised gaps are q + M f with M = G V, and f >= 0
@@ -273,12 +275,12 @@ def _working(band: Band, x: Array, own: Array, candidates: Pairs, forces: Array)
     `PROXIMAL` added to W: at a stationary point that changes no force, and soft modes would drown all
     differences between gaps.
     """
-    if not len(candidates):
-        return candidates, forces
-    problem = RestingProblem(band, candidates)
+    if not len(possible):
+        return possible, forces
+    problem = RestingProblem(band, possible)
     local = problem.local_derivatives(x, np.concatenate((own, forces)))
     assert isinstance(local, RestingDerivatives) and local.touched is not None
-    rows = np.array([problem.pull(_only(k, local.touched.jacobian)) for k in range(len(candidates))])
+    rows = np.array([problem.pull(_only(k, local.touched.jacobian)) for k in range(len(possible))])
     matrix = kkt_matrix(problem, local.pushed(), problem.rotations(x))
     factor = Factor(matrix, shift=-PROXIMAL)
     n, tail = problem.size, np.zeros(matrix.tail)
@@ -288,7 +290,7 @@ def _working(band: Band, x: Array, own: Array, candidates: Pairs, forces: Array)
     v = np.array([factor.solve(np.concatenate((row, none, tail)))[:n] for row in rows])
     m = rows @ v.T
     keep = pushing(m, problem.gaps(x).value + rows @ p - m @ forces) > 0.0
-    return candidates.take(keep), forces[keep]
+    return possible.take(keep), forces[keep]
 
 
 def _off(shape: Shape, pairs: Pairs) -> Array:
