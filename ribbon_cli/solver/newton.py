@@ -320,6 +320,8 @@ class _Solve:
         constraints, times large multipliers, hides a fall of energy and only crawling steps pass.
         """
         x = point.x + t * found.step
+        if self.options.way is not None and not self.options.way(point.x, x):
+            return None
         multipliers = point.multipliers + t * (found.multipliers - point.multipliers)
         violation = np.inf
         for corrections in range(MOST_CORRECTIONS + 1):
@@ -433,16 +435,6 @@ class Stepper:
                 return self._solve._step(point, self._matrix(point))
             except FactorisationError:
                 return None
-
-    def restored(self, x: Array, rounds: int = 8) -> Array:
-        """The place (7N,) near x on the constraints, by least moves."""
-        search, problem = self._solve.search, self._solve.problem
-        for _ in range(rounds):
-            if float(np.abs(problem.constraints(x)).max()) <= self._solve.options.tolerance:
-                break
-            point = iterate_at(problem, x, None)
-            x = x + search.correct(point, x)
-        return x
 
     def left(self, saddle: Iterate) -> Array | None:
         """A place (7N,) beside a saddle along its lowest eigenvector, of less energy, or None."""

@@ -15,7 +15,7 @@ from .resting_kkt import Copies, RestingDerivatives, Touched, pulled_back
 
 STIFFNESS = 10.0
 """kappa over the reach: the force of a pair at half of the reach is 1.2 times this."""
-ROOM = 0.002
+ROOM = 0.004
 """Motion of a vertex, as part of l, that a list of neighbours allows of before it is made anew."""
 
 

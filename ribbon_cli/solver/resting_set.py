@@ -15,6 +15,7 @@ import numpy as np
 import scipy
 
 from ..model.band import Array, Band, State
+from ..model.problem import Problem
 from ..model.touching import Shape
 from ..model.touching_audit import Audit, Motion, audit
 from ..model.touching_barrier import candidates
@@ -22,7 +23,7 @@ from ..model.touching_gaps import Pairs, arguments, gaps, places, vectors
 from ..parts import HALF_WIDTH
 from .kkt import FactorisationError
 from .linear import Factor
-from .newton import Options, Stepper, iterate_at, solve
+from .newton import Options, Stepper, change, iterate_at, solve
 from .resting import RestingProblem, resting_rates
 from .resting_barrier import BarrierProblem
 from .resting_kkt import RestingDerivatives, kkt_matrix
@@ -40,7 +41,8 @@ REACHES = (5e-4, 5e-5, 5e-6)
 """Reaches of the barrier, as parts of l, one after the other."""
 POLISH_FROM = 1
 MOST_TRACKED = 20
-MOST_OPENINGS = 6
+MOST_OPENINGS, MOST_MOVES = 6, 12
+APART = 1e-3
 PULLS = 1e-9
 """A force below minus this part of the largest one, or of 1, pulls."""
 MOST_DESCENTS = 150
@@ -211,10 +213,10 @@ def _opened(rest: Rest, band: Band, by: float, along: Slopes | None, gap: float)
     if along is not None:
         x, multipliers = x + by * along.x, multipliers + by * along.multipliers
     before, pairs, why = Shape.of(rest.state), rest.pairs, "what passes through itself cannot be opened"
+    problem = Problem(band)
     for _ in range(MOST_OPENINGS):
-        problem = RestingProblem(band, pairs, gap)
         try:
-            x = Stepper(problem, Options()).restored(x)
+            x = _apart(band, x, pairs, gap)
         except FactorisationError:
             break
         motion = Motion(before, Shape.of(problem.state(x)))
@@ -230,6 +232,29 @@ def _opened(rest: Rest, band: Band, by: float, along: Slopes | None, gap: float)
             break
         pairs = more
     raise NoRest(why)
+
+
+def _apart(band: Band, x: Array, pairs: Pairs, gap: float) -> Array:
+    """The place near x on the constraints at which gaps are at least `gap`, by least moves."""
+    problem = RestingProblem(band, pairs, gap)
+    base, n = problem.base, problem.size
+    for _ in range(MOST_MOVES):
+        away = problem.gaps(x).value - gap
+        wrong = np.concatenate((base.constraints(x), np.minimum(away, 0.0)))
+        if float(np.abs(wrong).max()) <= APART * gap:
+            break
+        local = problem.local_derivatives(x, None)
+        normal = Factor(kkt_matrix(base, base.local_derivatives(x, None), np.zeros((n, 0))).with_unit_metric())
+        p = normal.solve(np.concatenate((np.zeros(n), -base.weighted_constraints(x))))[:n]
+        if len(pairs):
+            assert isinstance(local, RestingDerivatives)
+            assert local.touched is not None
+            rows = np.array([problem.pull(_only(k, local.touched.jacobian)) for k in range(len(pairs))])
+            none = np.zeros(base.rows)
+            v = np.array([normal.solve(np.concatenate((row, none)))[:n] for row in rows])
+            p = p + pushing(rows @ v.T, away + rows @ p) @ v
+        x = x + min(1.0, 0.25 / max(change(x, p), 1e-300)) * p
+    return x
 
 
 def _polished(
@@ -268,12 +293,12 @@ def _polished(
 
 
 def _working(band: Band, x: Array, own: Array, possible: Pairs, forces: Array) -> tuple[Pairs, Array]:
-    """The candidates that push in the quadratic problem at x, with their forces as they are.
+    """The candidates that push in the quadratic problem at x, and their forces there.
 
     With p = p_0 + V f for forces f, V = K^-1 G^T, linearised gaps are q + M f with M = G V, and f >= 0
     minimises f.M f / 2 + q.f: a problem of non-negative least squares, of which M may be singular. K has
     `PROXIMAL` added to W: at a stationary point that changes no force, and soft modes would drown all
-    differences between gaps.
+    differences between gaps. Where gaps depend on each other, some that suffice get all the force.
     """
     if not len(possible):
         return possible, forces
@@ -289,8 +314,9 @@ def _working(band: Band, x: Array, own: Array, possible: Pairs, forces: Array) -
     none = np.zeros(problem.base.rows)
     v = np.array([factor.solve(np.concatenate((row, none, tail)))[:n] for row in rows])
     m = rows @ v.T
-    keep = pushing(m, problem.gaps(x).value + rows @ p - m @ forces) > 0.0
-    return possible.take(keep), forces[keep]
+    found = pushing(m, problem.gaps(x).value + rows @ p - m @ forces)
+    keep = found > 0.0
+    return possible.take(keep), found[keep]
 
 
 def _off(shape: Shape, pairs: Pairs) -> Array:
