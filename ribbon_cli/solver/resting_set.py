@@ -26,6 +26,7 @@ from .linear import Factor
 from .newton import Options, Stepper, change, iterate_at, solve
 from .resting import RestingProblem, resting_rates
 from .resting_barrier import BarrierProblem
+from .resting_certificate import PULLS, certified
 from .resting_kkt import RestingDerivatives, kkt_matrix
 from .status import STATIONARY, Result, Status
 
@@ -43,8 +44,6 @@ POLISH_FROM = 1
 MOST_TRACKED = 20
 MOST_OPENINGS, MOST_MOVES = 6, 12
 APART = 1e-3
-PULLS = 1e-9
-"""A force below minus this part of the largest one, or of 1, pulls."""
 MOST_DESCENTS = 150
 BARRIER_GOAL = 1e-6
 PROXIMAL = 1e-2
@@ -166,7 +165,7 @@ def _accepted(
         depth = motion.depth(met)
         if depth > slip * length:
             raise NoRest(f"the way passes through itself, {depth:.1e} deep")
-    return Rest(problem, result, found, steps, changes)
+    return Rest(problem, certified(problem, result, found), found, steps, changes)
 
 
 def found(rest: Rest, band: Band, by: float, along: Slopes | None) -> Rest:
