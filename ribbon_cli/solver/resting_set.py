@@ -26,7 +26,7 @@ from .linear import Factor
 from .newton import Options, Stepper, change, iterate_at, solve
 from .resting import RestingProblem, resting_rates
 from .resting_barrier import BarrierProblem
-from .resting_certificate import PULLS, certified
+from .resting_certificate import PULLS, certified, on_rim
 from .resting_kkt import RestingDerivatives, kkt_matrix
 from .status import STATIONARY, Result, Status
 
@@ -42,13 +42,15 @@ REACHES = (5e-4, 5e-5, 5e-6)
 """Reaches of the barrier, as parts of l, one after the other."""
 POLISH_FROM = 1
 MOST_TRACKED = 20
-MOST_OPENINGS, MOST_MOVES = 6, 12
+MOST_OPENINGS, MOST_MOVES, MOST_SHARINGS = 6, 12, 5
 APART = 1e-3
 MOST_DESCENTS = 150
 BARRIER_GOAL = 1e-6
 PROXIMAL = 1e-2
 DEPENDENT = 1e-9
 """Eigenvalue of the gaps' compliance, relative to the largest, below which gaps depend on each other."""
+SERVES = 1e-9
+"""Depth, as part of l, up to which gaps without force leave those with it as they are."""
 MARGIN = 0.05
 """How far off its features a place may be while the gap is still a candidate."""
 
@@ -198,11 +200,35 @@ def found(rest: Rest, band: Band, by: float, along: Slopes | None) -> Rest:
         pushed = dict(zip(near.keys(), problem.forces(x, near).tolist(), strict=True))
         forces = np.array([pushed.get(key, 0.0) for key in listed.keys()])
         try:
-            polished, end, more = _polished(band, x, own, listed, forces)
-            return _accepted(result.state, polished, end, 10.0 * DEPTH, steps + more, ("barrier",))
+            return _at_rest(result, band, listed, forces, steps)
         except NoRest as failure:
             why = failure
     raise why
+
+
+def _at_rest(result: Result, band: Band, listed: Pairs, forces: Array, steps: int) -> Rest:
+    """The shape at rest beside one that a barrier holds; with gaps that bound it, if some suffice. Raises NoRest.
+
+    Where gaps depend on each other some may be bounds and others not: those on a rim are left out then.
+    """
+    end: Rest | None = None
+    for _ in range(MOST_SHARINGS):
+        try:
+            polished, found, more = _polished(band, result.x, result.multipliers, listed, forces)
+            other = _accepted(result.state, polished, found, 10.0 * DEPTH, steps + more, ("barrier",))
+        except NoRest:
+            if end is None:
+                raise
+            break
+        lost = on_rim(Shape.of(other.state), other.pairs)
+        if end is None or lost is None:
+            end = other
+        if lost is None:
+            break
+        keep = np.array([key != lost for key in listed.keys()])
+        listed, forces = listed.take(keep), forces[keep]
+    assert end is not None
+    return end
 
 
 def _opened(rest: Rest, band: Band, by: float, along: Slopes | None, gap: float) -> tuple[State, Array]:
@@ -264,11 +290,17 @@ def _polished(
     Sequential quadratic programming with gaps as inequalities. Raises NoRest.
     """
     options, best, stuck = Options(leave_saddles=0), np.inf, 0
+    working = Pairs.none()
     known = dict(zip(listed.keys(), forces.tolist(), strict=True))
     for steps in range(MOST_STEPS):
         possible = listed.take(_off(Shape.of(State.from_vector(band, x)), listed) <= MARGIN)
         here = np.array([known.get(key, 0.0) for key in possible.keys()])
-        working, own_forces = _working(band, x, own, possible, here)
+        # Where gaps depend on each other forces can be shared out in many ways: one that serves is kept.
+        pushes, value = here > 0.0, RestingProblem(band, possible).gaps(x).value
+        if steps and len(working) == pushes.sum() and (value[~pushes] >= -SERVES * band.length).all():
+            working, own_forces = possible.take(pushes), here[pushes]
+        else:
+            working, own_forces = _working(band, x, own, possible, here)
         problem = RestingProblem(band, working)
         point = iterate_at(problem, x, np.concatenate((own, own_forces)))
         if point.worst <= options.goal or (point.worst <= options.tolerance and stuck > 1):
