@@ -91,17 +91,15 @@ def self_contact(
     return Contact(len(pairs) > 0, pairs, 0.0 if len(pairs) else search.bound)
 
 
-def near_facets(
-    corners: Array, slack: Array, reach: float, *, closed: bool = True
-) -> tuple[IntArray, IntArray]:
-    """Pairs i < j of facets, not neighbours, that may be nearer than `reach` while each moves by its slack.
+def near_facets(corners: Array, slack: Array, reach: float) -> tuple[IntArray, IntArray]:
+    """Pairs i < j of facets that may be nearer than `reach` while each moves by its slack.
 
     `corners` (3, 4, N) in the order of the quadrilaterals above; a facet's points stay within `slack` (N,) of
     where they are. A superset of those pairs; memory grows with their number.
     """
     facets = _facets_of(corners)
     tree = [level.wider(slack) for level in _tree(facets)]
-    search = _Within(2, corners.shape[2] - (2 if closed else 1), 0.0, reach)
+    search = _Within(1, corners.shape[2] - 1, 0.0, reach)
     found = [np.empty((2, 0), dtype=np.intp)]
     stack = list(_visit(tree[0], 0, *np.triu_indices(len(tree[0].start)), search))
     while stack:

@@ -36,9 +36,7 @@ class Features:
     edge_edge: IntArray
 
     @classmethod
-    def of(
-        cls, shapes: tuple[Shape, ...], i: IntArray, j: IntArray, within: float | None = None
-    ) -> Features:
+    def of(cls, shapes: tuple[Shape, ...], i: IntArray, j: IntArray, within: float | None = None) -> Features:
         """The features of pairs of facets that count in any of the shapes of one strip; those in boxes farther
         apart than `within` in the first are left out."""
         shape = shapes[0]
@@ -136,7 +134,7 @@ def audit(shape: Shape, reach: float | None = None) -> Audit:
 
 def _audit(shape: Shape, reach: float) -> Audit:
     points = shape.vertices
-    i, j = near_facets(corners_of(shape, points), np.zeros(shape.segments), reach, closed=shape.closed)
+    i, j = near_facets(corners_of(shape, points), np.zeros(shape.segments), reach)
     features = Features.of((shape,), i, j)
     heights, over = _over_facets(shape, features.vertex_facet)
     between = _edge_distances(shape, features.edge_edge)
@@ -279,7 +277,7 @@ class Motion:
         """
         middle, half = 0.5 * (self._p + self._q), 0.5 * np.linalg.norm(self._q - self._p, axis=1)
         slack = half[self.before.corner_numbers].max(axis=1)
-        i, j = near_facets(corners_of(self.before, middle), slack, 0.0, closed=self.before.closed)
+        i, j = near_facets(corners_of(self.before, middle), slack, 0.0)
         return self._among(i, j)
 
     def passages_of_all_pairs(self) -> Passages:

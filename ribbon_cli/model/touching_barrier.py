@@ -43,7 +43,7 @@ class Neighbourhood:
     def of(cls, shape: Shape, reach: float, bound: float) -> Neighbourhood:
         """Collect them, over all pairs."""
         slack = np.full(shape.segments, bound)
-        i, j = near_facets(corners_of(shape, shape.vertices), slack, reach, closed=shape.closed)
+        i, j = near_facets(corners_of(shape, shape.vertices), slack, reach)
         features = Features.of((shape,), i, j, reach + 2.0 * bound)
         return cls(shape.vertices, bound, features, shape)
 
@@ -174,7 +174,9 @@ def _at_edge(shape: Shape, vertex: int, edge: int) -> list[tuple[int, int, int, 
     facing = [(VERTEX, vertex, FACET, before), (VERTEX, vertex, FACET, k)]
     normal = np.cross(shape.u[before], shape.rulings[before])
     side = np.sign((shape.vertices[vertex] - shape.nodes[k]) @ normal)
-    if before == shape.segments - 1:  # across the seam the strip's ends may lie elsewhere in space by rounding
+    if (
+        before == shape.segments - 1
+    ):  # across the seam the strip's ends may lie elsewhere in space by rounding
         side = np.sign((shape.vertices[vertex] - shape.far_node) @ normal)
     return facing if side * (shape.u[k] @ normal) > 0 else crossing
 

@@ -48,7 +48,9 @@ def certified(problem: RestingProblem, result: Result, found: Audit) -> Result:
     if result.status is Status.SADDLE:
         return _as(result, Status.SADDLE, f"(At rest on {len(forces)} contacts, which are kept.)")
     return _as(
-        result, Status.MINIMUM, f"(At rest on {len(forces)} contacts, with forces of {forces.sum():.6g} in all.)"
+        result,
+        Status.MINIMUM,
+        f"(At rest on {len(forces)} contacts, with forces of {forces.sum():.6g} in all.)",
     )
 
 

@@ -269,7 +269,9 @@ def _apart(band: Band, x: Array, pairs: Pairs, gap: float) -> Array:
         if float(np.abs(wrong).max()) <= APART * gap:
             break
         local = problem.local_derivatives(x, None)
-        normal = Factor(kkt_matrix(base, base.local_derivatives(x, None), np.zeros((n, 0))).with_unit_metric())
+        normal = Factor(
+            kkt_matrix(base, base.local_derivatives(x, None), np.zeros((n, 0))).with_unit_metric()
+        )
         p = normal.solve(np.concatenate((np.zeros(n), -base.weighted_constraints(x))))[:n]
         if len(pairs):
             assert isinstance(local, RestingDerivatives)
@@ -364,13 +366,21 @@ def _only(k: int, jacobian: Array) -> Array:
 
 
 def pushing(m: Array, away: Array) -> Array:
-    """Forces f >= 0 (k,) with m f + away >= 0 where f = 0 and = 0 where f > 0, m (k,k) symmetric; of gaps that
-    depend on each other some stay without force."""
+    """Forces f >= 0 (k,) with m f + away >= 0 where f = 0 and = 0 where f > 0, m (k,k) symmetric, which may be
+    singular: of gaps that depend on each other some that suffice get all the force."""
     values, axes = np.linalg.eigh(0.5 * (m + m.T))
-    clear = values > DEPENDENT * float(values[-1])
-    root, axes = np.sqrt(values[clear]), axes[:, clear]
-    found: Array = scipy.optimize.nnls(root[:, None] * axes.T, -(axes.T @ away) / root)[0]
-    return found
+    least = DEPENDENT * float(values[-1])
+    root = np.sqrt(np.maximum(values, 0.0) + least)
+    shared = scipy.optimize.nnls(root[:, None] * axes.T, -(axes.T @ away) / root)[0]
+    # The same sum of forces by as few of these gaps as are independent.
+    at = np.flatnonzero(shared > 0.0)
+    values, axes = np.linalg.eigh(m[np.ix_(at, at)]) if at.size else (values, axes)
+    clear = values > least
+    if at.size and not clear.all():
+        rows = np.sqrt(values[clear])[:, None] * axes[:, clear].T
+        shared[at] = scipy.optimize.nnls(rows, rows @ shared[at])[0]
+    out: Array = shared
+    return out
 
 
 def united(pairs: Pairs, more: Pairs) -> Pairs:
