@@ -1,4 +1,5 @@
-"""Bands that rest on themselves, found by other means: a log barrier on node positions, then Newton's method."""
+"""Bands that rest on themselves, found by other means: a log barrier on node positions, then Newton's
+method."""
 
 from __future__ import annotations
 

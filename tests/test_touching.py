@@ -112,9 +112,9 @@ def test_a_resting_band_touches_and_does_not_cross(name):
     found = audit(Shape.of(state), 1e-3)
     assert found.penetration <= 1e-9 * state.band.length
     assert found.clearance <= 1e-9
-    near = set(found.near.take(found.distance < 1e-9).keys())
+    near = set(found.near.take(found.distance < 1e-9).names())
     if name.startswith("pi"):
-        assert near == set(pairs.keys())
+        assert near == set(pairs.names())
     at = places(Shape.of(state), pairs)
     assert at.min() > -1e-9
     assert at.max() < 1 + 1e-9
@@ -147,7 +147,7 @@ def _agree(count: int, seed: int) -> int:
     for before, after in _motions(count, seed):
         motion = Motion(before, after)
         quick, slow = motion.passages(), motion.passages_of_all_pairs()
-        assert quick.pairs.keys() == slow.pairs.keys()
+        assert quick.pairs.names() == slow.pairs.names()
         assert np.array_equal(quick.when, slow.when)
         tunnelled += len(slow) > 0 and audit(after, 0.0).penetration == 0.0
     return tunnelled
@@ -169,7 +169,7 @@ def test_a_complete_passage_is_seen_in_the_motion_alone():
     lifted, sunk = _shifted(shape, 0.02), _shifted(shape, -0.02)
     met = Motion(lifted, sunk).passages()
     assert len(met) > 0
-    assert {key[:2] for key in pairs.keys()} & {key[:2] for key in met.pairs.keys()}
+    assert {key[:2] for key in pairs.names()} & {key[:2] for key in met.pairs.names()}
     assert Motion(lifted, sunk).depth(met) > 1e-4
 
 

@@ -1,15 +1,16 @@
-"""What of a folded strip can touch: vertices, edges and facets, and where they are in space and on the flat strip.
+"""What of a folded strip can touch: vertices, edges and facets, and where they are in space and on the
+flat strip.
 
 Vertex 2k is P_k^- = r_k - b g_k, vertex 2k + 1 is P_k^+ = r_k + b g_k, with r_1 = 0 and r_{k+1} = r_k + h u_k
-(nodes are counted from 0 here). Edge 3k is the ruling at node k; edges 3k + 1 and 3k + 2 are the lower and the
-upper side of facet k. The isometry constraints make a side parallel to u_k, with the length
+(nodes are counted from 0 here). Edge 3k is the ruling at node k; edges 3k + 1 and 3k + 2 are the lower and
+the upper side of facet k. The isometry constraints make a side parallel to u_k, with the length
 h (1 -+ tanh xi_k), and u_k, g_k span the facet's plane with |u_k x g_k| = 1.
 
-On the flat strip node k is at (k h, 0), its ruling has the direction (eta_k, 1) with eta_k = u_k.g_k. A closed
-band is the infinite strip up to (s, y) -> (s + l, sigma y). A pair of features counts as one that may touch
-where they are farther apart on the flat strip than `excluded_distance`: nearer ones are kept apart by
-injectivity, b |eta'| < 1. In the fans of rulings beside inflections facets that are many numbers apart lie next
-to each other, so that numbers would not do.
+On the flat strip node k is at (k h, 0), its ruling has the direction (eta_k, 1) with eta_k = u_k.g_k. A
+closed band is the infinite strip up to (s, y) -> (s + l, sigma y). A pair of features counts as one that
+may touch where they are farther apart on the flat strip than `excluded_distance`: nearer ones are kept
+apart by injectivity, b |eta'| < 1. In the fans of rulings beside inflections facets that are many numbers
+apart lie next to each other, so that numbers would not do.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +36,8 @@ SLIVER = 1e-7
 
 
 def excluded_distance(length: float, gap: float = 0.0) -> float:
-    """Flat distance from which pairs count on a strip of a length: sheets a gap apart turn over in pi/2 gap."""
+    """Flat distance from which pairs count on a strip of a length: sheets a gap apart turn over in pi/2
+    gap."""
     return EXCLUDED * length + 0.5 * math.pi * gap
 
 
@@ -42,8 +45,8 @@ def excluded_distance(length: float, gap: float = 0.0) -> float:
 class Shape:
     """A state's features in space.
 
-    `nodes` (M,3) and `rulings` (M,3) at nodes, M = N on a closed band and N + 1 on a strip; `u` (N,3), `xi` (N,)
-    and `eta` (M,) = u.g; `sigma` is 0 on a strip.
+    `nodes` (M,3) and `rulings` (M,3) at nodes, M = N on a closed band and N + 1 on a strip; `u` (N,3),
+    `xi` (N,) and `eta` (M,) = u.g; `sigma` is 0 on a strip.
     """
 
     half_width: float
@@ -84,7 +87,8 @@ class Shape:
         """The shape turned by a matrix from the right (3,3), and shifted (3,)."""
         turning = {name: getattr(self, name) @ turn for name in ("u", "rulings", "far")}
         placed = {name: getattr(self, name) @ turn + shift for name in ("nodes", "far_node")}
-        return replace(self, **turning, **placed)
+        vectors: dict[str, Any] = {**turning, **placed}
+        return replace(self, **vectors)
 
     def between(self, other: Shape, part: float) -> Shape:
         """The shape whose vertices are a part of the straight way to another's."""
@@ -98,7 +102,7 @@ class Shape:
             return out
 
         names = ("u", "xi", "nodes", "far_node", "eta")
-        vectors = {name: mixed(name, False) for name in names}
+        vectors: dict[str, Any] = {name: mixed(name, False) for name in names}
         return replace(self, half_width=b, **vectors, rulings=mixed("rulings", True), far=mixed("far", True))
 
     @property
@@ -126,7 +130,8 @@ class Shape:
 
     @cached_property
     def corner_numbers(self) -> IntArray:
-        """The vertices (N,4) of each facet, in the order lower and upper at its node, upper and lower beyond."""
+        """The vertices (N,4) of each facet, in the order lower and upper at its node, upper and lower
+        beyond."""
         k = np.arange(self.segments)
         beyond = np.column_stack((2 * k + 3, 2 * k + 2))
         if self.closed:
@@ -243,7 +248,7 @@ def _points_to_outline(points: Array, outline: Array) -> Array:
     out: Array = np.sqrt((rest * rest).sum(-1).min(axis=(1, 2)))
     if outline.shape[1] > 2:
         turn = along[:, None, :, 0] * off[..., 1] - along[:, None, :, 1] * off[..., 0]
-        inside = (turn >= 0).all(axis=2) | (turn <= 0).all(axis=2)
+        inside: NDArray[np.bool_] = np.logical_or((turn >= 0).all(axis=2), (turn <= 0).all(axis=2))
         out = np.where(inside.any(axis=1), 0.0, out)
     return out
 
@@ -259,5 +264,5 @@ def _outlines_cross(one: Array, other: Array) -> NDArray[np.bool_]:
 
     first = turn(d, q - p) * turn(d, q + e - p)
     second = turn(e, p - q) * turn(e, p + d - q)
-    out: NDArray[np.bool_] = ((first < 0) & (second < 0)).any(axis=(1, 2))
+    out: NDArray[np.bool_] = np.any((first < 0) & (second < 0), axis=(1, 2))
     return out

@@ -1,13 +1,14 @@
 """Whether a strip crosses itself, and whether it did on the way from one shape to another: over all pairs.
 
-Nothing here knows which pairs a solver has thought of. Candidates come from a descent through a tree of runs of
-facets (`contact.near_facets`) that misses no pair within a bound; pairs of features nearer on the flat strip than
-the excluded distance do not count.
+Nothing here knows which pairs a solver has thought of. Candidates come from a descent through a tree of
+runs of facets (`contact.near_facets`) that misses no pair within a bound; pairs of features nearer on the
+flat strip than the excluded distance do not count.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,8 +38,8 @@ class Features:
 
     @classmethod
     def of(cls, shapes: tuple[Shape, ...], i: IntArray, j: IntArray, within: float | None = None) -> Features:
-        """The features of pairs of facets that count in any of the shapes of one strip; those in boxes farther
-        apart than `within` in the first are left out."""
+        """The features of pairs of facets that count in any of the shapes of one strip; those in boxes
+        farther apart than `within` in the first are left out."""
         shape = shapes[0]
         corners, edges = shape.corner_numbers, shape.edge_numbers
         one = np.stack((corners[i], np.broadcast_to(j[:, None], (len(j), 4))), axis=-1).reshape(-1, 2)
@@ -63,7 +64,8 @@ def boxes_near(shape: Shape, vf: IntArray, within: float) -> NDArray[np.bool_]:
     near = ((v >= low[vf[:, 1]] - within) & (v <= high[vf[:, 1]] + within)).all(axis=1)
     at = np.flatnonzero(near)
     near[at] = np.abs(_in_facet(shape, v[at], vf[at, 1])[2]) <= within
-    return near
+    out: NDArray[np.bool_] = near
+    return out
 
 
 def _unique(pairs: IntArray) -> IntArray:
@@ -243,8 +245,8 @@ def _crossings(shape: Shape, i: IntArray, j: IntArray) -> Crossing:
 
 @dataclass(frozen=True)
 class Passages:
-    """Where features pass through each other on a straight way: the pairs, with the sign that keeps them on the
-    side where they were, and when (k,), 0 to 1, in order."""
+    """Where features pass through each other on a straight way: the pairs, with the sign that keeps them
+    on the side where they were, and when (k,), 0 to 1, in order."""
 
     pairs: Pairs
     when: Array
@@ -273,7 +275,8 @@ class Motion:
     def passages(self) -> Passages:
         """Continuous collision detection over all pairs.
 
-        No bound on the motion is assumed: the search for candidates has each facet's own motion for its slack.
+        No bound on the motion is assumed: the search for candidates has each facet's own motion for its
+        slack.
         """
         middle, half = 0.5 * (self._p + self._q), 0.5 * np.linalg.norm(self._q - self._p, axis=1)
         slack = half[self.before.corner_numbers].max(axis=1)
@@ -337,8 +340,8 @@ def meets(before: Shape, p: Array, q: Array, features: Features) -> bool:
 
 
 def _meetings(p: Array, q: Array, four: IntArray, inside):  # type: ignore[no-untyped-def]
-    """Of quadruples of vertices (k,4): which become coplanar with their features touching, when, and which way
-    the volume goes then; once for each of three roots."""
+    """Of quadruples of vertices (k,4): which become coplanar with their features touching, when, and which
+    way the volume goes then; once for each of three roots."""
     a, d = p[four], q[four] - p[four]
     # Boxes of the whole motion first.
     low, high = np.minimum(p[four], q[four]), np.maximum(p[four], q[four])
@@ -388,7 +391,7 @@ def _roots(c: Array) -> list[Array]:
     turns.sort(axis=0)
     cuts = (np.zeros(len(c)), turns[0], turns[1], np.ones(len(c)))
     out = []
-    for low, high in zip(cuts[:-1], cuts[1:], strict=True):
+    for low, high in pairwise(cuts):
         at_low, at_high = value(low), value(high)
         root = np.full(len(c), np.nan)
         at = np.flatnonzero((at_low * at_high <= 0) & (high > low))

@@ -2,8 +2,9 @@
 
     B(y) = -(1 - y)^2 ln y for y < 1, else 0 (M. Li et al. 2020, Incremental Potential Contact, (6)).
 
-Pairs are vertices with facets and edges with edges, each at its distance: from a face, from an edge or from an
-end, whichever is nearest. So the sum is smooth where the nearest place passes from one feature to the next one.
+Pairs are vertices with facets and edges with edges, each at its distance: from a face, from an edge or
+from an end, whichever is nearest. So the sum is smooth where the nearest place passes from one feature to
+the next one.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .band import Array
 from .contact import near_facets
@@ -96,7 +98,7 @@ def _of_facets(shape: Shape, vf: IntArray) -> Pairs:
     if not len(vf):
         return over
     at = places(shape, over)
-    inside = (np.maximum(-at, at - 1.0) <= 0.0).all(axis=1)
+    inside: NDArray[np.bool_] = np.all(np.maximum(-at, at - 1.0) <= 0.0, axis=1)
     outside = np.flatnonzero(~inside)
     v = np.repeat(vf[outside, 0], 4)
     edges = shape.edge_numbers[vf[outside, 1]].ravel()
@@ -109,7 +111,7 @@ def _of_edges(shape: Shape, ee: IntArray, ends: IntArray) -> Pairs:
     if not len(ee):
         return across
     at = places(shape, across)
-    inside = (np.maximum(-at, at - 1.0) <= 0.0).all(axis=1)
+    inside: NDArray[np.bool_] = np.all(np.maximum(-at, at - 1.0) <= 0.0, axis=1)
     outside = ee[~inside]
     a, b = outside[:, 0], outside[:, 1]
     v = np.column_stack((ends[a], ends[b])).ravel()
@@ -137,29 +139,33 @@ def _least(shape: Shape, v: IntArray, edges: IntArray, of: int) -> Pairs:
     return on_edge.joined(_typed((VERTEX, VERTEX), np.minimum(v, end), np.maximum(v, end)))
 
 
-def candidates(shape: Shape, near: Pairs) -> Pairs:
-    """The signed gaps that stand for near pairs: those of faces and crossing edges themselves, and for a vertex
-    near an edge, or a vertex, those of what meets there.
+def candidates(shape: Shape, near: Pairs, forces: Array) -> tuple[Pairs, Array]:
+    """The signed gaps that stand for near pairs, and their forces (k,): those of faces and crossing edges
+    themselves, and for a vertex near an edge, or a vertex, those of what meets there, in equal parts.
 
     Over a ruling in a valley the planes of both its facets bound a vertex; over a ridge neither does, and the
     sides that meet at the vertex may cross the ruling. The shape crosses nothing, so that signs are known.
     """
-    found: dict[tuple[int, int, int, int], None] = {}
-    for first, second in zip(near.first.tolist(), near.second.tolist(), strict=True):
-        if first[0] == EDGE or second[0] == FACET:
-            found[first[0], first[1], second[0], second[1]] = None
-        elif second[0] == EDGE:
-            found.update(dict.fromkeys(_at_edge(shape, first[1], second[1])))
-        else:
+    found: dict[tuple[int, int, int, int], float] = {}
+    rows = zip(near.first.tolist(), near.second.tolist(), forces.tolist(), strict=True)
+    for first, second, force in rows:
+        stand = [(first[0], first[1], second[0], second[1])]
+        if first[0] == VERTEX and second[0] == EDGE:
+            stand = _at_edge(shape, first[1], second[1])
+        elif second[0] == VERTEX:
             sides = [(a, b) for a in _sides(shape, first[1]) for b in _sides(shape, second[1])]
-            found.update(dict.fromkeys((EDGE, min(p), EDGE, max(p)) for p in sides))
+            stand = [(EDGE, min(p), EDGE, max(p)) for p in sides]
+        for name in stand:
+            found[name] = found.get(name, 0.0) + force / len(stand)
     if not found:
-        return Pairs.none()
-    table = np.array(sorted(found), dtype=np.int64)
+        return Pairs.none(), np.empty(0)
+    names = sorted(found)
+    table = np.array(names, dtype=np.int64)
     pairs = Pairs(table[:, :2], table[:, 2:], np.ones(len(table)))
     what = arguments(pairs)
     value = gaps(vectors(shape, what), what, pairs.sign, shape.half_width).value
-    return Pairs(pairs.first, pairs.second, np.where(value < 0, -1.0, 1.0))
+    signed = Pairs(pairs.first, pairs.second, np.where(value < 0, -1.0, 1.0))
+    return signed, np.array([found[name] for name in names])
 
 
 def _at_edge(shape: Shape, vertex: int, edge: int) -> list[tuple[int, int, int, int]]:

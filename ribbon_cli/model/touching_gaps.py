@@ -5,15 +5,15 @@ second feature to one of the first, and two directions p and q,
 
     T = D.n,     n = c / |c|,     c = p x q.
 
-Facet k gives r_k for the point and u_k, g_k for the directions. Two edges give a point and a direction each: a
-ruling r_k and g_k, a side r_k -+ b g_k and u_k. With w = (D - T n) / |c|,
+Facet k gives r_k for the point and u_k, g_k for the directions. Two edges give a point and a direction
+each: a ruling r_k and g_k, a side r_k -+ b g_k and u_k. With w = (D - T n) / |c|,
 
     T_D = n,                   T_p = q x w,              T_q = w x p,
     T_Dc = (1 - n n') / |c|,   T_cc = -(n w' + w n') / |c| - T (1 - n n') / |c|^2,
     T_pq = ... - [w]x,         dc = dp x q + p x dq,
 
-and T_DD = 0. Where a gap is wanted that is not zero, the distance of a vertex and an edge, |D - (D.d) d / d.d|,
-and that of two vertices, |D|, count as well.
+and T_DD = 0. Where a gap is wanted that is not zero, the distance of a vertex and an edge,
+|D - (D.d) d / d.d|, and that of two vertices, |D|, count as well.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ from .touching import EDGE, FACET, VERTEX, IntArray, Shape
 class Pairs:
     """Pairs of features: `first` and `second` (k,2), kind and number, and the `sign` (k,) of each gap.
 
-    A vertex comes before a facet or an edge; of two alike the lower number comes first. The gap is `sign` times
-    T, positive where the features are on the sides on which they are to stay.
+    A vertex comes before a facet or an edge; of two alike the lower number comes first. The gap is `sign`
+    times T, positive where the features are on the sides on which they are to stay.
     """
 
     first: IntArray
@@ -47,7 +47,7 @@ class Pairs:
     def __len__(self) -> int:
         return len(self.sign)
 
-    def keys(self) -> list[tuple[int, int, int, int]]:
+    def names(self) -> list[tuple[int, int, int, int]]:
         """What names each pair."""
         return [tuple(row) for row in np.hstack((self.first, self.second)).tolist()]
 
@@ -65,7 +65,7 @@ class Pairs:
 
     def unique(self) -> Pairs:
         """The pairs, each once."""
-        first = {key: k for k, key in reversed(list(enumerate(self.keys())))}
+        first = {key: k for k, key in reversed(list(enumerate(self.names())))}
         return self.take(np.array(sorted(first.values()), dtype=np.int64))
 
     def ordered(self) -> Pairs:
@@ -85,9 +85,9 @@ NODE, RULING, TANGENT = 0, 1, 2
 
 @dataclass(frozen=True)
 class Arguments:
-    """What the gaps of pairs depend on: `kind` and `number` (k,6) of their six vectors, `reach` (k,2), how many
-    b g belong to the points on either side, and `pointed` (k,), 2 where both directions count, 1 where one does
-    (vertex and edge), 0 where none does."""
+    """What the gaps of pairs depend on: `kind` and `number` (k,6) of their six vectors, `reach` (k,2), how
+    many b g belong to the points on either side, and `pointed` (k,), 2 where both directions count, 1
+    where one does (vertex and edge), 0 where none does."""
 
     kind: IntArray
     number: IntArray
@@ -96,7 +96,8 @@ class Arguments:
 
 
 def _edge(edges: IntArray) -> tuple[IntArray, Array, IntArray]:
-    """Of edges: the node of their points, how many b g, and whether the direction is a ruling or a tangent."""
+    """Of edges: the node of their points, how many b g, and whether the direction is a ruling or a
+    tangent."""
     which = edges % 3
     return edges // 3, np.array([0.0, -1.0, 1.0])[which], np.where(which == 0, RULING, TANGENT)
 
@@ -268,8 +269,8 @@ def _to_point(d: Array, p: Array, q: Array) -> tuple[Array, Array, Array]:
 def places(shape: Shape, pairs: Pairs) -> Array:
     """Where on their features the pairs touch, (k,4): two coordinates on the first and two on the second.
 
-    All are between 0 and 1 inside: along an edge from its first end to its last; on a facet along the band and
-    across it. What a feature does not have is 1/2.
+    All are between 0 and 1 inside: along an edge from its first end to its last; on a facet along the band
+    and across it. What a feature does not have is 1/2.
     """
     out = np.full((len(pairs), 4), 0.5)
     what = arguments(pairs)

@@ -140,8 +140,8 @@ class NodeBlocks:
     """K node by node: `diagonal` (N,12,12), `coupling` to the next node (N,12,12), `border` (N,12,c),
     and the nodes whose ruling is `held` (N,).
 
-    `position` is the place of every row of K in this order, border (closure, gauge) last. `corner` (c,c) is the
-    border's own block where that is not zero.
+    `position` is the place of every row of K in this order, border (closure, gauge) last. `corner` (c,c)
+    is the border's own block where that is not zero.
     """
 
     position: NDArray[np.int64]
@@ -155,8 +155,8 @@ class NodeBlocks:
 class KKTMatrix:
     """The KKT matrix at one point; `upper` is the scaled upper triangle without regularisation.
 
-    `scale` is s above; `size` is 7N, `border` what comes after x: first `duals` rows of multipliers and gauge,
-    here all of it; `tail` is what comes after the constraints' rows. `metric` (7N,) is the
+    `scale` is s above; `size` is 7N, `border` what comes after x: first `duals` rows of multipliers and
+    gauge, here all of it; `tail` is what comes after the constraints' rows. `metric` (7N,) is the
     Euclidean metric's diagonal in scaled unknowns, which shifts multiply.
     """
 

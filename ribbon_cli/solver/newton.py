@@ -34,8 +34,8 @@ class Options:
     reached. `step_limit` bounds the change of tangents, of rulings relative
     to their length and of xi/4 in one step: branches are tracked locally, since longer steps jump to
     other topologies. `leave_saddles` is how many stationary points of positive index may be left.
-    `guard` returns a sentence where a state must not be accepted (it changed its linking number), `way` whether
-    a step may be taken from one x to another.
+    `guard` returns a sentence where a state must not be accepted (it changed its linking number), `way`
+    whether a step may be taken from one x to another.
     """
 
     tolerance: float = 1e-9

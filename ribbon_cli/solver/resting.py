@@ -1,12 +1,14 @@
 """The problem of a strip that rests on itself: gaps that are kept are rows, their forces multipliers.
 
-L = E - lambda.c - f.(g - t): a force f pushes features apart, and f >= 0 where a gap g may not be less than t. With
-the rows of gaps after those of constraints, Newton's method, its certificate and its saddles serve as they are.
+L = E - lambda.c - f.(g - t): a force f pushes features apart, and f >= 0 where a gap g may not be less
+than t. With the rows of gaps after those of constraints, Newton's method, its certificate and its saddles
+serve as they are.
 """
 
 from __future__ import annotations
 
 from dataclasses import fields
+from itertools import pairwise
 
 import numpy as np
 import scipy
@@ -114,7 +116,7 @@ class RestingProblem(Problem):
         ).tocsr()
         out = own.toarray()
         nodes = np.flatnonzero(self.copies.kind == 0)
-        for before, j in zip(nodes[:-1], nodes[1:], strict=True):
+        for before, j in pairwise(nodes):
             out[3 * j : 3 * j + 3] += out[3 * before : 3 * before + 3]
         return scipy.sparse.csc_matrix(out)
 

@@ -1,10 +1,11 @@
 """The certificate of a strip at rest on itself.
 
-It is a minimum if it is stationary with forces, constraints and kept gaps below tolerance; if no force pulls; if the
-audit over all pairs finds no crossing, so that every other gap is open; and if the Lagrangian's Hessian, with -f.g''
-of the forces, is positive definite on the null space of constraints and of the gaps that push. That is sufficient:
-along any move that keeps these gaps the energy rises to second order, and along one that opens some of them it
-rises to first order, by their forces. Where one of these cannot be said, the state is undecided, with the reason.
+It is a minimum if it is stationary with forces, constraints and kept gaps below tolerance; if no force
+pulls; if the audit over all pairs finds no crossing, so that every other gap is open; and if the
+Lagrangian's Hessian, with -f.g'' of the forces, is positive definite on the null space of constraints and
+of the gaps that push. That is sufficient: along any move that keeps these gaps the energy rises to second
+order, and along one that opens some of them it rises to first order, by their forces. Where one of these
+cannot be said, the state is undecided, with the reason.
 """
 
 from __future__ import annotations
@@ -91,12 +92,12 @@ def _holds_without(problem: RestingProblem, result: Result, weak: np.ndarray) ->
 def on_rim(shape: Shape, pairs: Pairs) -> tuple[int, int, int, int] | None:
     """The name of a contact on the rim of its features whose gap is no bound there, None where there is none.
 
-    At a rim another feature's gap takes over. Where that one is the less of the two beyond, shapes that do not
-    cross have both gaps open, and either is a bound that a force may push on. So it is with a vertex over a
-    ruling in a valley, and with sides that meet at a vertex and bend towards the other sheet. Where the
-    gap beyond is the larger one, over ridges and at the strip's own rim, sheets may slip off each other.
+    At a rim another feature's gap takes over. Where that one is the less of the two beyond, shapes that do
+    not cross have both gaps open, and either is a bound that a force may push on. So it is with a vertex
+    over a ruling in a valley, and with sides that meet at a vertex and bend towards the other sheet. Where
+    the gap beyond is the larger one, over ridges and at the strip's own rim, sheets may slip off each other.
     """
-    at, names = places(shape, pairs), pairs.keys()
+    at, names = places(shape, pairs), pairs.names()
     what = arguments(pairs)
     six = vectors(shape, what)
     for k, (name, place) in enumerate(zip(names, at, strict=True)):
@@ -127,7 +128,8 @@ def _rises(shape: Shape, facet: int, place: float, normal: Array) -> bool:
 
 
 def _bends(shape: Shape, edge: int, place: float, toward: Array) -> bool:
-    """Whether the strip's side bends towards a direction at an end of an edge; a ruling's end is no such place."""
+    """Whether the strip's side bends towards a direction at an end of an edge; a ruling's end is no such
+    place."""
     if edge % 3 == 0:
         return False
     node = edge // 3 + (1 if place > 0.5 else 0)

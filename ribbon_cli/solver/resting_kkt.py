@@ -1,7 +1,8 @@
 """The KKT matrix of a strip that rests on itself.
 
-A gap depends on a few node positions, rulings and tangents anywhere on the strip. Copies z of these (q numbers)
-are unknowns besides x, with rows that say so, and the rows of gaps that are to be kept stand on z alone:
+A gap depends on a few node positions, rulings and tangents anywhere on the strip. Copies z of these (q
+numbers) are unknowns besides x, with rows that say so, and the rows of gaps that are to be kept stand on z
+alone:
 
     [ W    A^T  0    Z  C^T  0   ]       x,
     [ A    0    0    0  0    0   ]       constraints,
@@ -10,21 +11,20 @@ are unknowns besides x, with rows that say so, and the rows of gaps that are to 
     [ C    0    0    0  0    B   ]       copies, C x + B z = 0,
     [ 0    0    D^T  0  B^T  S   ]       z, with S = -f.g'' for forces f.
 
-The position of a touched node differs from that of the touched node before it by h times the sum of the tangents
-between them, so that all copies together add at most N entries a component: the matrix stays sparse. Its first
-block and its order of pivots are the base matrix's, z with its rows and those of gaps join the border of the
-block reduction, and negative eigenvalues beyond one for each row are, by Haynsworth's additivity, those of the
-projected Hessian on the null space of constraints and gaps.
+The position of a touched node differs from that of the touched node before it by h times the sum of the
+tangents between them, so that all copies together add at most N entries a component: the matrix stays
+sparse. Its first block and its order of pivots are the base matrix's, z with its rows and those of gaps
+join the border of the block reduction, and negative eigenvalues beyond one for each row are, by
+Haynsworth's additivity, those of the projected Hessian on the null space of constraints and gaps.
 """
 
 from __future__ import annotations
 
 from copy import copy
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from ..model.band import Array
@@ -64,8 +64,8 @@ class Copies:
 
 @dataclass(frozen=True, eq=False)
 class Touched:
-    """What gaps bring into the matrix: their `jacobian` (k,6,3) in their six vectors, one row for each that is
-    kept, and the Hessian (m,18,18) in z of all that push, those that are kept first."""
+    """What gaps bring into the matrix: their `jacobian` (k,6,3) in their six vectors, one row for each
+    that is kept, and the Hessian (m,18,18) in z of all that push, those that are kept first."""
 
     copies: Copies
     jacobian: Array
@@ -244,7 +244,8 @@ class RestingMatrix(KKTMatrix):
         )
 
     def _with_diagonal(self, diagonal: Array) -> RestingMatrix:
-        """The same matrix with a diagonal one (7N,), in scaled unknowns, for the Hessian, and none on copies."""
+        """The same matrix with a diagonal one (7N,), in scaled unknowns, for the Hessian, and none on
+        copies."""
         out = copy(self)
         out.__dict__.pop("node_blocks", None)
         out._s = np.zeros_like(self._s)

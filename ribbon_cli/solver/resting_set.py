@@ -1,10 +1,10 @@
 """From one shape of a strip that rests on itself to the next one, and which gaps it keeps.
 
-Two ways. Where the gaps stay the same, Newton's method along the branch's tangent gets there. Where they change,
-they are opened by a least move, and a barrier with collision detection on every step leads down to a minimum; the
-pairs within its last reach, which are on the sides on which they are to stay, are the gaps that may be kept, and
-sequential quadratic programming finds those that push. Either way the end and the motion to it are audited over all
-pairs, independently of all lists.
+Two ways. Where the gaps stay the same, Newton's method along the branch's tangent gets there. Where they
+change, they are opened by a least move, and a barrier with collision detection on every step leads down to a
+minimum; the pairs within its last reach, which are on the sides on which they are to stay, are the gaps
+that may be kept, and sequential quadratic programming finds those that push. Either way the end and the
+motion to it are audited over all pairs, independently of all lists.
 """
 
 from __future__ import annotations
@@ -49,6 +49,10 @@ BARRIER_GOAL = 1e-6
 PROXIMAL = 1e-2
 DEPENDENT = 1e-9
 """Eigenvalue of the gaps' compliance, relative to the largest, below which gaps depend on each other."""
+SMALL = 1e-4
+"""Force, as part of the largest, below which a pair within the last reach does not push at first."""
+WANDERED = 0.05
+"""Change from the shape that a barrier holds beyond which a polish goes somewhere else."""
 SERVES = 1e-9
 """Depth, as part of l, up to which gaps without force leave those with it as they are."""
 MARGIN = 0.05
@@ -96,7 +100,7 @@ class Rest:
         return self.problem.gap
 
 
-class NoRest(Exception):
+class NoRestError(Exception):
     """No active set was found; the message says why."""
 
 
@@ -118,8 +122,8 @@ def rest_at(
 
 @dataclass(frozen=True)
 class Slopes:
-    """Derivatives by a parameter along the branch with the same gaps: of x and of multipliers with forces, and
-    dE/dp."""
+    """Derivatives by a parameter along the branch with the same gaps: of x and of multipliers with forces,
+    and dE/dp."""
 
     x: Array
     multipliers: Array
@@ -137,48 +141,49 @@ def slopes(rest: Rest, name: str = HALF_WIDTH) -> Slopes:
 
 
 def moved(rest: Rest, band: Band, by: float, along: Slopes) -> Rest:
-    """The next shape with the same gaps, with a band of other parameters. Raises NoRest."""
+    """The next shape with the same gaps, with a band of other parameters. Raises NoRestError."""
     x, multipliers = rest.result.x + by * along.x, rest.result.multipliers + by * along.multipliers
     problem = RestingProblem(band, rest.pairs, rest.gap)
     result = solve(problem, x, multipliers, Options(leave_saddles=0, max_steps=MOST_TRACKED))
     if result.status not in STATIONARY:
-        raise NoRest(f"{result.status.value} with the same gaps")
+        raise NoRestError(f"{result.status.value} with the same gaps")
     return _accepted(rest.state, problem, result, SLIP, result.steps, ())
 
 
 def _accepted(
     before: State, problem: RestingProblem, result: Result, slip: float, steps: int, changes: tuple[str, ...]
 ) -> Rest:
-    """The shape with its audit. Raises NoRest if it, or the way to it from `before`, is none to be accepted."""
+    """The shape with its audit. Raises NoRestError if it, or the way to it from `before`, is none to be
+    accepted."""
     shape, length = Shape.of(result.state, problem.gap), problem.band.length
     forces = problem.split(result.multipliers)[1]
     if len(forces):
         off = float(_off(shape, problem.pairs).max())
         if off > OFF:
-            raise NoRest(f"a place of contact is off its features by {off:.1e}")
+            raise NoRestError(f"a place of contact is off its features by {off:.1e}")
         if forces.min() < -PULLS * max(1.0, float(forces.max())):
-            raise NoRest(f"a force pulls, {forces.min():.1e}")
+            raise NoRestError(f"a force pulls, {forces.min():.1e}")
     found = audit(shape, DEPTH * length)
     if found.penetration > DEPTH * length:
-        raise NoRest(f"features cross, {found.penetration:.1e} deep")
+        raise NoRestError(f"features cross, {found.penetration:.1e} deep")
     motion = Motion(Shape.of(before, problem.gap), shape)
     met = motion.passages()
     if len(met):
         depth = motion.depth(met)
         if depth > slip * length:
-            raise NoRest(f"the way passes through itself, {depth:.1e} deep")
+            raise NoRestError(f"the way passes through itself, {depth:.1e} deep")
     return Rest(problem, certified(problem, result, found), found, steps, changes)
 
 
 def found(rest: Rest, band: Band, by: float, along: Slopes | None) -> Rest:
-    """The next shape by a barrier, then without it. Raises NoRest.
+    """The next shape by a barrier, then without it. Raises NoRestError.
 
     From the shape its gaps are opened to half of the reach, by the least move, and nothing meets on the way;
     nor does it on any step of the descents, which end a thirtieth of the first reach apart.
     """
     length = band.length
     start, own = _opened(rest, band, by, along, 0.5 * REACHES[0] * length)
-    steps, x, why = 0, start.vector(), NoRest("no reach")
+    steps, x, why = 0, start.vector(), NoRestError("no reach")
     for k, reach in enumerate(REACHES):
         problem = BarrierProblem(band, reach * length)
         options = Options(
@@ -191,23 +196,22 @@ def found(rest: Rest, band: Band, by: float, along: Slopes | None) -> Rest:
         result = solve(problem, x, own, options)
         steps += result.steps
         if result.status not in (*STATIONARY, Status.STALLED, Status.ITERATION_LIMIT):
-            raise NoRest(f"{result.status.value} at reach {reach:g}")
+            raise NoRestError(f"{result.status.value} at reach {reach:g}")
         x, own = result.x, result.multipliers
         if k < POLISH_FROM:
             continue
         near = problem.near(x)
-        listed = candidates(problem.shape(x), near)
-        pushed = dict(zip(near.keys(), problem.forces(x, near).tolist(), strict=True))
-        forces = np.array([pushed.get(key, 0.0) for key in listed.keys()])
+        listed, forces = candidates(problem.shape(x), near, problem.forces(x, near))
         try:
             return _at_rest(result, band, listed, forces, steps)
-        except NoRest as failure:
+        except NoRestError as failure:
             why = failure
     raise why
 
 
 def _at_rest(result: Result, band: Band, listed: Pairs, forces: Array, steps: int) -> Rest:
-    """The shape at rest beside one that a barrier holds; with gaps that bound it, if some suffice. Raises NoRest.
+    """The shape at rest beside one that a barrier holds; with gaps that bound it, if some suffice. Raises
+    NoRestError.
 
     Where gaps depend on each other some may be bounds and others not: those on a rim are left out then.
     """
@@ -216,7 +220,7 @@ def _at_rest(result: Result, band: Band, listed: Pairs, forces: Array, steps: in
         try:
             polished, found, more = _polished(band, result.x, result.multipliers, listed, forces)
             other = _accepted(result.state, polished, found, 10.0 * DEPTH, steps + more, ("barrier",))
-        except NoRest:
+        except NoRestError:
             if end is None:
                 raise
             break
@@ -225,7 +229,7 @@ def _at_rest(result: Result, band: Band, listed: Pairs, forces: Array, steps: in
             end = other
         if lost is None:
             break
-        keep = np.array([key != lost for key in listed.keys()])
+        keep = np.array([key != lost for key in listed.names()])
         listed, forces = listed.take(keep), forces[keep]
     assert end is not None
     return end
@@ -233,7 +237,7 @@ def _at_rest(result: Result, band: Band, listed: Pairs, forces: Array, steps: in
 
 def _opened(rest: Rest, band: Band, by: float, along: Slopes | None, gap: float) -> tuple[State, Array]:
     """A shape that crosses nothing, nor does the way to it: the predicted one, with gaps opened that are kept
-    and those of what passes through itself; and multipliers of its constraints. Raises NoRest."""
+    and those of what passes through itself; and multipliers of its constraints. Raises NoRestError."""
     x, multipliers = rest.result.x, rest.result.multipliers
     if along is not None:
         x, multipliers = x + by * along.x, multipliers + by * along.multipliers
@@ -256,7 +260,7 @@ def _opened(rest: Rest, band: Band, by: float, along: Slopes | None, gap: float)
         if len(more) == len(pairs):
             break
         pairs = more
-    raise NoRest(why)
+    raise NoRestError(why)
 
 
 def _apart(band: Band, x: Array, pairs: Pairs, gap: float) -> Array:
@@ -289,17 +293,19 @@ def _polished(
 ) -> tuple[RestingProblem, Result, int]:
     """The stationary point near x whose gaps, of those listed, push or are open; and the steps to it.
 
-    Sequential quadratic programming with gaps as inequalities. Raises NoRest.
+    Sequential quadratic programming with gaps as inequalities. Raises NoRestError.
     """
-    options, best, stuck = Options(leave_saddles=0), np.inf, 0
+    options, best, stuck, start = Options(leave_saddles=0), np.inf, 0, x
     working = Pairs.none()
-    known = dict(zip(listed.keys(), forces.tolist(), strict=True))
+    forces = np.where(forces > SMALL * forces.max(initial=0.0), forces, 0.0)
+    known = dict(zip(listed.names(), forces.tolist(), strict=True))
     for steps in range(MOST_STEPS):
         possible = listed.take(_off(Shape.of(State.from_vector(band, x)), listed) <= MARGIN)
-        here = np.array([known.get(key, 0.0) for key in possible.keys()])
+        here = np.array([known.get(key, 0.0) for key in possible.names()])
         # Where gaps depend on each other forces can be shared out in many ways: one that serves is kept.
         pushes, value = here > 0.0, RestingProblem(band, possible).gaps(x).value
-        if steps and len(working) == pushes.sum() and (value[~pushes] >= -SERVES * band.length).all():
+        serves = (value[~pushes] >= -SERVES * band.length).all()
+        if not steps or (len(working) == pushes.sum() and serves):
             working, own_forces = possible.take(pushes), here[pushes]
         else:
             working, own_forces = _working(band, x, own, possible, here)
@@ -310,19 +316,19 @@ def _polished(
             if not (off > OFF).any():
                 result = solve(problem, x, point.multipliers, replace(options, max_steps=4))
                 if result.status not in STATIONARY:
-                    raise NoRest(f"{result.status.value} at the end")
+                    raise NoRestError(f"{result.status.value} at the end")
                 return problem, result, steps
-            gone = working.keys()[int(np.argmax(off))]
-            listed = listed.take(np.array([key != gone for key in listed.keys()]))
+            gone = working.names()[int(np.argmax(off))]
+            listed = listed.take(np.array([key != gone for key in listed.names()]))
             best = np.inf
             continue
         stuck, best = (0, point.worst) if point.worst < 0.5 * best else (stuck + 1, best)
         following = None if stuck > MOST_STUCK else Stepper(problem, options).step(point)
-        if following is None:
-            raise NoRest(f"no step makes progress ({point.worst:.1e}, {len(working)} gaps)")
+        if following is None or change(start, following.x - start) > WANDERED:
+            raise NoRestError(f"no step makes progress ({point.worst:.1e}, {len(working)} gaps)")
         x, (own, own_forces) = following.x, problem.split(following.multipliers)
-        known = dict(zip(working.keys(), own_forces.tolist(), strict=True))
-    raise NoRest(f"too many steps ({best:.1e}, {len(working)} gaps)")
+        known = dict(zip(working.names(), own_forces.tolist(), strict=True))
+    raise NoRestError(f"too many steps ({best:.1e}, {len(working)} gaps)")
 
 
 def _working(band: Band, x: Array, own: Array, possible: Pairs, forces: Array) -> tuple[Pairs, Array]:
@@ -337,7 +343,8 @@ def _working(band: Band, x: Array, own: Array, possible: Pairs, forces: Array) -
         return possible, forces
     problem = RestingProblem(band, possible)
     local = problem.local_derivatives(x, np.concatenate((own, forces)))
-    assert isinstance(local, RestingDerivatives) and local.touched is not None
+    assert isinstance(local, RestingDerivatives)
+    assert local.touched is not None
     rows = np.array([problem.pull(_only(k, local.touched.jacobian)) for k in range(len(possible))])
     matrix = kkt_matrix(problem, local.pushed(), problem.rotations(x))
     factor = Factor(matrix, shift=-PROXIMAL)
@@ -366,8 +373,8 @@ def _only(k: int, jacobian: Array) -> Array:
 
 
 def pushing(m: Array, away: Array) -> Array:
-    """Forces f >= 0 (k,) with m f + away >= 0 where f = 0 and = 0 where f > 0, m (k,k) symmetric, which may be
-    singular: of gaps that depend on each other some that suffice get all the force."""
+    """Forces f >= 0 (k,) with m f + away >= 0 where f = 0 and = 0 where f > 0, m (k,k) symmetric, which
+    may be singular: of gaps that depend on each other some that suffice get all the force."""
     values, axes = np.linalg.eigh(0.5 * (m + m.T))
     least = DEPENDENT * float(values[-1])
     root = np.sqrt(np.maximum(values, 0.0) + least)
@@ -385,6 +392,6 @@ def pushing(m: Array, away: Array) -> Array:
 
 def united(pairs: Pairs, more: Pairs) -> Pairs:
     """Pairs and those of others that are not among them."""
-    known = set(pairs.keys())
-    new = [k for k, key in enumerate(more.keys()) if key not in known]
+    known = set(pairs.names())
+    new = [k for k, key in enumerate(more.names()) if key not in known]
     return pairs.joined(more.take(np.array(new, dtype=np.int64))) if new else pairs
