@@ -223,7 +223,7 @@ class KKTMatrix:
         data = self.upper.data.copy()
         diagonal = self.pattern.diagonal
         data[diagonal[: self.size]] -= shift * self.metric
-        data[diagonal[self.size : self.size + self.duals]] -= delta
+        data[diagonal[self.size :]] -= delta
         return _filled(self.upper, data)
 
 

@@ -123,12 +123,11 @@ class Factor:
     def _contraction(self) -> float:
         """Spectral radius of (L D L^T)^-1 E, E what L D L^T lacks of the matrix, by power iterations."""
         size = self.matrix.size
-        dual = slice(size, size + self.matrix.duals)
         v = np.cos(1.0 + np.arange(size + self.matrix.border, dtype=np.float64) ** 1.5)
         rate, length = np.inf, float(np.linalg.norm(v))
         for _ in range(PROBES):
             image = self._product(v)
-            image[dual] -= self._delta * v[dual]
+            image[size:] -= self._delta * v[size:]
             v = self._inverse(image) - v
             before, length = length, float(np.linalg.norm(v))
             rate = length / before
