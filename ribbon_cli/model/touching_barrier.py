@@ -20,6 +20,9 @@ from .touching import EDGE, FACET, VERTEX, IntArray, Shape
 from .touching_audit import Features, boxes_near, corners_of, meets
 from .touching_gaps import Pairs, arguments, gaps, places, vectors
 
+BESIDE = 0.1
+"""How near its end, as a part of it, a side crosses a ruling for the vertex there to be of account too."""
+
 
 def barrier(y: Array) -> tuple[Array, Array, Array]:
     """B and its derivatives at y (k,), 0 < y < 1."""
@@ -157,6 +160,8 @@ def candidates(shape: Shape, near: Pairs, forces: Array) -> tuple[Pairs, Array]:
             stand = [(EDGE, min(p), EDGE, max(p)) for p in sides]
         for name in stand:
             found[name] = found.get(name, 0.0) + force / len(stand)
+    for name in _beside_ends(shape, near):
+        found.setdefault(name, 0.0)
     if not found:
         return Pairs.none(), np.empty(0)
     names = sorted(found)
@@ -166,6 +171,20 @@ def candidates(shape: Shape, near: Pairs, forces: Array) -> tuple[Pairs, Array]:
     value = gaps(vectors(shape, what), what, pairs.sign, shape.half_width).value
     signed = Pairs(pairs.first, pairs.second, np.where(value < 0, -1.0, 1.0))
     return signed, np.array([found[name] for name in names])
+
+
+def _beside_ends(shape: Shape, near: Pairs) -> list[tuple[int, int, int, int]]:
+    """What stands for the vertices near which sides cross rulings."""
+    crossing = near.take((near.first[:, 0] == EDGE) & (near.second[:, 0] == EDGE))
+    found: list[tuple[int, int, int, int]] = []
+    if not len(crossing):
+        return found
+    for name, place in zip(crossing.names(), places(shape, crossing), strict=True):
+        for side, at, other in ((name[1], place[0], name[3]), (name[3], place[2], name[1])):
+            if side % 3 and other % 3 == 0 and min(at, 1.0 - at) < BESIDE:
+                ends = shape.edge_ends(np.array([side]))
+                found += _at_edge(shape, int(ends[0 if at < 0.5 else 1][0]), other)
+    return found
 
 
 def _at_edge(shape: Shape, vertex: int, edge: int) -> list[tuple[int, int, int, int]]:

@@ -17,8 +17,8 @@ sparse. Its first block and its order of pivots are the base matrix's, z with it
 join the border of the block reduction, and negative eigenvalues beyond one for each row are, by
 Haynsworth's additivity, those of the projected Hessian on the null space of constraints and gaps.
 
-The regularisation delta is subtracted from copies as well, so that no pivot is zero where S is. That makes W_c
-less, never more: where no pivot is surplus all the same, W_c is positive definite.
+The regularisation delta is subtracted from copies as well, so that no pivot is zero where S is. That makes
+W_c less, never more: where no pivot is surplus all the same, W_c is positive definite.
 """
 
 from __future__ import annotations
