@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,6 +91,27 @@ def self_contact(
     return Contact(len(pairs) > 0, pairs, 0.0 if len(pairs) else search.bound)
 
 
+def near_facets(corners: Array, slack: Array, reach: float) -> tuple[IntArray, IntArray]:
+    """Pairs i < j of facets that may be nearer than `reach` while each moves by its slack.
+
+    `corners` (3, 4, N) in the order of the quadrilaterals above; a facet's points stay within `slack` (N,) of
+    where they are. A superset of those pairs; memory grows with their number.
+    """
+    facets = _facets_of(corners)
+    tree = [level.wider(slack) for level in _tree(facets)]
+    search = _Within(1, corners.shape[2] - 1, 0.0, reach)
+    found = [np.empty((2, 0), dtype=np.intp)]
+    stack = list(_visit(tree[0], 0, *np.triu_indices(len(tree[0].start)), search))
+    while stack:
+        level, a, b, _ = stack.pop()
+        if level + 1 < len(tree):
+            stack.extend(_visit(tree[level + 1], level + 1, *_children(a, b), search))
+        else:
+            found.append(np.stack((tree[level].start[a], tree[level].start[b])))
+    i, j = np.concatenate(found, axis=1)
+    return i, j
+
+
 def least_gap(segments: int) -> int:
     """Largest number of facets apart at which a pair does not yet count: max(3, N/20), rounded down."""
     return max(3, segments // 20)
@@ -127,7 +148,10 @@ def _facets(u: Array, g: Array, g_end: Array, half_width: float, h: float) -> _F
     np.cumsum(h * tangents.T, axis=1, out=midline[:, 1:])
     reach = half_width * np.column_stack((rulings.T, last))
     left, right = midline - reach, midline + reach
-    corners = np.stack((left[:, :-1], right[:, :-1], right[:, 1:], left[:, 1:]), axis=1)
+    return _facets_of(np.stack((left[:, :-1], right[:, :-1], right[:, 1:], left[:, 1:]), axis=1))
+
+
+def _facets_of(corners: Array) -> _Facets:
     edges = np.roll(corners, -1, axis=1) - corners
     normal = _unit(_cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1]))
     inward = _unit(_cross(normal[:, None], edges))
@@ -151,6 +175,13 @@ class _Level:
     axis: Array
     axis_square: Array
     radius: Array
+
+    def wider(self, slack: Array) -> _Level:
+        """The level with runs whose facets may move by their slack (N,)."""
+        more = np.zeros(len(self.start))
+        filled = self.stop > self.start
+        more[filled] = np.maximum.reduceat(slack, self.start[filled])
+        return replace(self, radius=self.radius + more)
 
 
 def _tree(facets: _Facets) -> list[_Level]:
@@ -205,6 +236,13 @@ class _Search:
     def open(self, least: Array) -> NDArray[np.bool_]:
         """Where a pair at least `least` apart may meet, or be nearer than any pair so far."""
         return least <= max(self.bound - self.tolerance, self.tolerance)
+
+
+class _Within(_Search):
+    """A search for all pairs within a fixed bound."""
+
+    def lower(self, distance: Array) -> None:
+        """Leave the bound as it is."""
 
 
 def _facet_pairs(facets: _Facets, tree: list[_Level], search: _Search) -> Iterator[tuple[IntArray, IntArray]]:

@@ -111,7 +111,9 @@ class BlockReduction:
         blocks = matrix.node_blocks
         self._position = blocks.position
         diagonal, coupling, border = blocks.diagonal.copy(), blocks.coupling.copy(), blocks.border.copy()
-        corner = np.zeros((border.shape[2], border.shape[2]))
+        corner = (
+            np.zeros((border.shape[2], border.shape[2])) if blocks.corner is None else blocks.corner.copy()
+        )
         if shift and metric is None:
             unknowns = np.arange(7)
             diagonal[:, unknowns, unknowns] -= shift * matrix.metric.reshape(-1, 7)
@@ -156,7 +158,7 @@ class BlockReduction:
         self._last = (vectors[0], inverse[0])
         # Held components stand in K as ones on the diagonal, whatever the metric: no eigenvalues of W_c.
         ones = int((matrix.metric[matrix.fixed] * shift > 1.0).sum()) if metric is None else 0
-        self.inertia = Inertia(negative + count - matrix.border - ones, min(gap, narrow))
+        self.inertia = Inertia(negative + count - matrix.duals - ones, min(gap, narrow))
 
     def solve(self, rhs: Array) -> Array:
         """Solve the scaled system for rhs (n+m+r,) or (n+m+r, k)."""

@@ -75,6 +75,13 @@ def _pattern(layout: Layout, rotations: int) -> Pattern:
         np.concatenate([c.ravel() for c in columns]),
         (total, total),
     )
+    return pattern_of(upper)
+
+
+def pattern_of(upper: Scatter) -> Pattern:
+    """The pattern of a symmetric matrix from that of its upper triangle, whose diagonal is full."""
+    total = upper.shape[0]
+    every = np.arange(total)
     # Sorted columns of an upper triangle end on the diagonal.
     diagonal = upper.indptr[1:].astype(np.int64) - 1
     places = np.arange(1, upper.indices.size + 1)  # not zero, which a sum would leave out
@@ -128,7 +135,8 @@ class NodeBlocks:
     """K node by node: `diagonal` (N,12,12), `coupling` to the next node (N,12,12), `border` (N,12,c),
     and the nodes whose ruling is `held` (N,).
 
-    `position` is the place of every row of K in this order, border (closure, gauge) last.
+    `position` is the place of every row of K in this order, border (closure, gauge) last. `corner` (c,c)
+    is the border's own block where that is not zero.
     """
 
     position: NDArray[np.int64]
@@ -136,12 +144,14 @@ class NodeBlocks:
     coupling: Array
     border: Array
     held: NDArray[np.bool_]
+    corner: Array | None = None
 
 
 class KKTMatrix:
     """The KKT matrix at one point; `upper` is the scaled upper triangle without regularisation.
 
-    `scale` is s above; `size` is 7N, `border` the number of multiplier and gauge rows; `metric` (7N,) is the
+    `scale` is s above; `size` is 7N, `border` what comes after x: first `duals` rows of multipliers and
+    gauge, here all of it; `tail` is what comes after the constraints' rows. `metric` (7N,) is the
     Euclidean metric's diagonal in scaled unknowns, which shifts multiply.
     """
 
@@ -150,7 +160,8 @@ class KKTMatrix:
         self.size = problem.size
         self.rotations = rotations
         self.gauge = rotations.shape[1]
-        self.border = problem.rows + self.gauge
+        self.border = self.duals = problem.rows + self.gauge
+        self.tail = self.gauge
         self.fixed = problem.fixed
         seam = problem.stencil.seam
         self.pattern = _pattern(problem.layout, self.gauge)

@@ -91,7 +91,7 @@ class Factor:
         pivots = self._pivots
         if pivots is None:
             return self._reduced().inertia.negative
-        return int((pivots < 0).sum()) - int(self.matrix.border)
+        return int((pivots < 0).sum()) - int(self.matrix.duals)
 
     def proves_minimum(self) -> bool:
         """Whether the pivots prove that the projected Hessian has no eigenvalue below `shift`."""

@@ -17,10 +17,12 @@ from ..model.problem import LocalDerivatives, Problem
 from .inertia import inertia
 from .kkt import FactorisationError, KKTMatrix
 from .linear import RESIDUAL_LIMIT, Factor
+from .resting_kkt import kkt_matrix
 from .saddle_free import Direction, direction, newton_step
 from .status import Iterate, Result, SaddleMet, Status
 
 Guard = Callable[[State], str | None]
+Way = Callable[[Array, Array], bool]
 Watch = Callable[[int, float, float], None]
 
 
@@ -32,7 +34,8 @@ class Options:
     reached. `step_limit` bounds the change of tangents, of rulings relative
     to their length and of xi/4 in one step: branches are tracked locally, since longer steps jump to
     other topologies. `leave_saddles` is how many stationary points of positive index may be left.
-    `guard` returns a sentence where a state must not be accepted (it changed its linking number).
+    `guard` returns a sentence where a state must not be accepted (it changed its linking number), `way`
+    whether a step may be taken from one x to another.
     """
 
     tolerance: float = 1e-9
@@ -41,6 +44,7 @@ class Options:
     step_limit: float = 0.25
     leave_saddles: int = 6
     guard: Guard | None = None
+    way: Way | None = None
     watch: Watch | None = None
 
 
@@ -80,12 +84,14 @@ def estimate_multipliers(problem: Problem, x: Array) -> Array:
 
 def _normal_factor(problem: Problem, local: LocalDerivatives) -> Factor:
     """Factors of (I, A^T; A, 0) in the scaled metric: identity on scaled unknowns, diag(1/s^2) on x."""
-    return Factor(KKTMatrix(problem, local, np.zeros((problem.size, 0))).with_unit_metric())
+    return Factor(kkt_matrix(problem, local, np.zeros((problem.size, 0))).with_unit_metric())
 
 
 def _estimate(problem: Problem, local: LocalDerivatives, normal: Factor) -> Array:
     """Least-squares multipliers (5N+3,) by the normal factors."""
-    return -normal.solve(np.concatenate((-local.gradient, np.zeros(problem.rows))))[problem.size :]
+    n, rows = problem.size, problem.rows
+    rhs = np.concatenate((-local.gradient, np.zeros(rows + normal.matrix.tail)))
+    return -normal.solve(rhs)[n : n + rows]
 
 
 def inverted_facets(problem: Problem, x: Array) -> Array:
@@ -141,7 +147,8 @@ class _Search:
         if self._normal is None or self._normal[0] is not point.x:
             self.keep(point.x, _normal_factor(problem, point.local))
         assert self._normal is not None
-        rhs = np.concatenate((np.zeros(problem.size), -problem.weighted_constraints(x)))
+        tail = np.zeros(self._normal[1].matrix.tail)
+        rhs = np.concatenate((np.zeros(problem.size), -problem.weighted_constraints(x), tail))
         return self._normal[1].solve(rhs)[: problem.size]
 
 
@@ -197,7 +204,7 @@ class _Solve:
         options = self.options
         while True:
             self.last = point
-            matrix = KKTMatrix(self.problem, point.local, self.problem.rotations(point.x))
+            matrix = kkt_matrix(self.problem, point.local, self.problem.rotations(point.x))
             if options.watch is not None:
                 options.watch(self.steps, point.energy, point.worst)
             following: Iterate | None = None
@@ -313,6 +320,8 @@ class _Solve:
         constraints, times large multipliers, hides a fall of energy and only crawling steps pass.
         """
         x = point.x + t * found.step
+        if self.options.way is not None and not self.options.way(point.x, x):
+            return None
         multipliers = point.multipliers + t * (found.multipliers - point.multipliers)
         violation = np.inf
         for corrections in range(MOST_CORRECTIONS + 1):
@@ -355,6 +364,8 @@ class _Solve:
         if (inverted_facets(self.problem, trial.x) <= 0).any():
             if self.trouble[0] is not Status.LEFT_TOPOLOGY:
                 self.trouble = (Status.INVERTED_FACET, "")
+            return False
+        if self.options.way is not None and not self.options.way(point.x, trial.x):
             return False
         # Short steps go unchecked until together they are long enough to carry the band through itself.
         moved = self.unguarded + change(point.x, trial.x - point.x)
@@ -409,3 +420,34 @@ class _Solve:
             detail=detail,
             surplus_seen=self.surplus_seen,
         )
+
+
+class Stepper:
+    """Single steps of the method, for who changes the problem between them."""
+
+    def __init__(self, problem: Problem, options: Options) -> None:
+        self._solve = _Solve(problem, options, GUARD_FROM)
+
+    def step(self, point: Iterate) -> Iterate | None:
+        """One accepted step towards a stationary point, or None."""
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            try:
+                return self._solve._step(point, self._matrix(point))
+            except FactorisationError:
+                return None
+
+    def left(self, saddle: Iterate) -> Array | None:
+        """A place (7N,) beside a saddle along its lowest eigenvector, of less energy, or None."""
+        problem = self._solve.problem
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            try:
+                factor = Factor(self._matrix(saddle))
+                found = direction(problem, saddle.local, saddle.multipliers, factor)
+                beside = self._solve._leave(saddle, found) if found.index else None
+            except FactorisationError:
+                return None
+        return None if beside is None else beside.x
+
+    def _matrix(self, point: Iterate) -> KKTMatrix:
+        problem = self._solve.problem
+        return kkt_matrix(problem, point.local, problem.rotations(point.x))

@@ -223,7 +223,7 @@ def newton_step(
     n = problem.size
     gradient = problem.lagrangian_gradient(local, multipliers)
     z = factor.solve(
-        np.concatenate((-gradient, -local.constraints, np.zeros(factor.matrix.gauge))), limit=limit
+        np.concatenate((-gradient, -local.constraints, np.zeros(factor.matrix.tail))), limit=limit
     )
     return z[:n], multipliers - z[n : n + problem.rows]
 

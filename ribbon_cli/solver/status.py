@@ -26,6 +26,7 @@ class Status(Enum):
     LEFT_BRANCH = "left-branch"
     CONSTRUCTED = "constructed"
     OTHER_SHAPE = "other-shape"
+    GAP_LOST = "gap-lost"
 
     @property
     def sentence(self) -> str:
@@ -45,6 +46,7 @@ _SENTENCES = {
     Status.LEFT_BRANCH: "Converged, but not on the branch that the step began on.",
     Status.CONSTRUCTED: "Made by folding, cutting, turning or joining, and not solved for.",
     Status.OTHER_SHAPE: "Converged to a shape of the same linking number that is not the one asked for.",
+    Status.GAP_LOST: "The band crosses itself: a gap between its facets was lost.",
 }
 
 STATIONARY = (Status.MINIMUM, Status.SADDLE, Status.UNDECIDED)

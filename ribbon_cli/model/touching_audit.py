@@ -1,0 +1,439 @@
+"""Whether a strip crosses itself, and whether it did on the way from one shape to another: over all pairs.
+
+Nothing here knows which pairs a solver has thought of. Candidates come from a descent through a tree of
+runs of facets (`contact.near_facets`) that misses no pair within a bound; pairs of features nearer on the
+flat strip than the excluded distance do not count.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .band import Array
+from .contact import near_facets
+from .touching import EDGE, FACET, VERTEX, IntArray, Shape
+from .touching_gaps import Pairs
+
+BLOCK = 100_000
+"""Pairs of features worked on at once."""
+CLEAR = 1e-3
+"""Reach, as part of l, within which a clearance is looked for first; it grows tenfold."""
+ROOT_STEPS = 60
+MOST_PARTS = 16
+"""Places of a motion at which depths are measured at most."""
+INSIDE = 1e-12
+"""Margin of a feature's coordinates within which a crossing counts as inside."""
+
+
+@dataclass(frozen=True)
+class Features:
+    """Pairs of numbers (k,2): vertices with facets, and edges with edges, in the order of their numbers."""
+
+    vertex_facet: IntArray
+    edge_edge: IntArray
+
+    @classmethod
+    def of(cls, shapes: tuple[Shape, ...], i: IntArray, j: IntArray, within: float | None = None) -> Features:
+        """The features of pairs of facets that count in any of the shapes of one strip; those in boxes
+        farther apart than `within` in the first are left out."""
+        shape = shapes[0]
+        corners, edges = shape.corner_numbers, shape.edge_numbers
+        one = np.stack((corners[i], np.broadcast_to(j[:, None], (len(j), 4))), axis=-1).reshape(-1, 2)
+        other = np.stack((corners[j], np.broadcast_to(i[:, None], (len(i), 4))), axis=-1).reshape(-1, 2)
+        vf = _unique(np.vstack((one, other)))
+        first = np.repeat(edges[i], 4, axis=1).reshape(-1)
+        second = np.tile(edges[j], (1, 4)).reshape(-1)
+        ee = _unique(np.stack((np.minimum(first, second), np.maximum(first, second)), axis=-1))
+        slivers = np.all([s.slivers for s in shapes], axis=0)
+        ee = ee[(ee[:, 0] != ee[:, 1]) & ~slivers[ee].any(axis=1)]
+        if within is not None:
+            vf, ee = vf[boxes_near(shape, vf, within)], ee[_edge_distances(shape, ee) <= within]
+        vf = vf[_counts(shapes, Shape.flat_of_vertices, Shape.flat_of_facets, vf)]
+        return cls(vf, ee[_counts(shapes, Shape.flat_of_edges, Shape.flat_of_edges, ee)])
+
+
+def boxes_near(shape: Shape, vf: IntArray, within: float) -> NDArray[np.bool_]:
+    """Whether vertices are within a distance of facets' boxes, and of their planes."""
+    points = shape.vertices
+    outlines = points[shape.corner_numbers]
+    low, high, v = outlines.min(axis=1), outlines.max(axis=1), points[vf[:, 0]]
+    near = ((v >= low[vf[:, 1]] - within) & (v <= high[vf[:, 1]] + within)).all(axis=1)
+    at = np.flatnonzero(near)
+    near[at] = np.abs(_in_facet(shape, v[at], vf[at, 1])[2]) <= within
+    out: NDArray[np.bool_] = near
+    return out
+
+
+def _unique(pairs: IntArray) -> IntArray:
+    """Sorted pairs (k,2), each once."""
+    big = np.int64(1) << 31
+    key = np.unique(pairs[:, 0].astype(np.int64) * big + pairs[:, 1])
+    return np.stack((key // big, key % big), axis=-1)
+
+
+def _counts(shapes, first, second, pairs: IntArray) -> NDArray[np.bool_]:  # type: ignore[no-untyped-def]
+    """Where features are far enough apart on the flat strip, in one of the shapes at least."""
+    out = np.zeros(len(pairs), dtype=bool)
+    for start in range(0, len(pairs), BLOCK):
+        block = slice(start, start + BLOCK)
+        a, b = pairs[block, 0], pairs[block, 1]
+        for shape in shapes:
+            apart = shape.flat_distance(first(shape, a), second(shape, b))
+            out[block] |= apart >= shape.excluded
+    return out
+
+
+def corners_of(shape: Shape, vertices: Array) -> Array:
+    """Facets' corners (3,4,N) at given places of the vertices."""
+    return np.ascontiguousarray(vertices[shape.corner_numbers].transpose(2, 1, 0))
+
+
+# --- a shape ---
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """An edge through a facet: their numbers (k,), the depth (k,) of each, and the pair of features whose gap
+    would have to open least to undo it."""
+
+    edge: IntArray
+    facet: IntArray
+    depth: Array
+
+
+@dataclass(frozen=True)
+class Audit:
+    """What all pairs of a shape say.
+
+    `clearance` is the least distance of two features, in the unit of length, `penetration` the greatest depth
+    of an edge through a facet: how far the edge's end is beyond the facet's plane, or the edge beyond the
+    facet's rim, whichever is less. `near` are the pairs within the reach asked for, `distance` theirs.
+    """
+
+    clearance: float
+    penetration: float
+    near: Pairs
+    distance: Array
+    crossing: Crossing
+
+
+def audit(shape: Shape, reach: float | None = None) -> Audit:
+    """Look at all pairs of a shape.
+
+    With a `reach`, only pairs within it are measured, and `clearance` is `reach` where there are none.
+    """
+    within = CLEAR * shape.length if reach is None else reach
+    while True:
+        found = _audit(shape, within)
+        if reach is not None or found.clearance < within or within > shape.length:
+            return found
+        within *= 10.0
+
+
+def _audit(shape: Shape, reach: float) -> Audit:
+    points = shape.vertices
+    i, j = near_facets(corners_of(shape, points), np.zeros(shape.segments), reach)
+    features = Features.of((shape,), i, j)
+    heights, over = _over_facets(shape, features.vertex_facet)
+    between = _edge_distances(shape, features.edge_edge)
+    vf = np.flatnonzero(over & (np.abs(heights) <= reach))
+    ee = np.flatnonzero(between <= reach)
+    distance = np.concatenate((np.abs(heights[vf]), between[ee]))
+    near = _pairs(features.vertex_facet[vf], features.edge_edge[ee])
+    crossing = _crossings(shape, i, j)
+    clearance = float(distance.min()) if distance.size else reach
+    depth = float(crossing.depth.max()) if crossing.depth.size else 0.0
+    return Audit(0.0 if depth > 0 else clearance, depth, near, distance, crossing)
+
+
+def _pairs(vf: IntArray, ee: IntArray) -> Pairs:
+    first = np.vstack(
+        (
+            np.column_stack((np.full(len(vf), VERTEX), vf[:, 0])),
+            np.column_stack((np.full(len(ee), EDGE), ee[:, 0])),
+        )
+    )
+    second = np.vstack(
+        (
+            np.column_stack((np.full(len(vf), FACET), vf[:, 1])),
+            np.column_stack((np.full(len(ee), EDGE), ee[:, 1])),
+        )
+    )
+    return Pairs(first, second, np.ones(len(first)))
+
+
+def _over_facets(shape: Shape, pairs: IntArray) -> tuple[Array, NDArray[np.bool_]]:
+    """Heights (k,) of vertices over facets' planes, and whether their feet are on the facets."""
+    v, f = pairs[:, 0], pairs[:, 1]
+    along, across, height = _in_facet(shape, shape.vertices[v], f)
+    return height, _on_facet(along, across, shape.xi[f])
+
+
+def _in_facet(shape: Shape, points: Array, f: IntArray) -> tuple[Array, Array, Array]:
+    """Coordinates of points (k,3) in facets: multiples of h u and of b g, and the height over u x g."""
+    u, g, off = shape.u[f], shape.rulings[f], points - shape.nodes[f]
+    normal = np.cross(u, g)
+    square = (normal * normal).sum(axis=1)
+    along = (np.cross(off, g) * normal).sum(axis=1) / (square * shape.h)
+    across = (np.cross(u, off) * normal).sum(axis=1) / (square * shape.half_width)
+    return along, across, (off * normal).sum(axis=1) / np.sqrt(square)
+
+
+def _on_facet(along: Array, across: Array, xi: Array) -> NDArray[np.bool_]:
+    far = 1.0 + across * np.tanh(xi)
+    out: NDArray[np.bool_] = (np.abs(across) <= 1.0 + INSIDE) & (along >= -INSIDE) & (along <= far + INSIDE)
+    return out
+
+
+def _edge_distances(shape: Shape, pairs: IntArray) -> Array:
+    """Distances (k,) of edges."""
+    points = shape.vertices
+    ends = [points[e] for which in (0, 1) for e in shape.edge_ends(pairs[:, which])]
+    return segment_distance(*ends)
+
+
+def segment_distance(p: Array, p1: Array, q: Array, q1: Array) -> Array:
+    """Distances (k,) of segments p p1 and q q1, (k,3) each; C. Ericson (2005), 5.1.9."""
+    tiny = np.finfo(float).tiny
+    d, e, r = p1 - p, q1 - q, p - q
+    dd, ee = (d * d).sum(1), (e * e).sum(1)
+    de, dr, er = (d * e).sum(1), (d * r).sum(1), (e * r).sum(1)
+    normal = np.cross(d, e)
+    square = (normal * normal).sum(1)
+    parallel = square <= 1e-24 * dd * ee
+    s = np.where(parallel, 0.0, (np.cross(e, r) * normal).sum(1) / np.where(parallel, 1.0, square))
+    s = np.clip(s, 0.0, 1.0)
+    t = (de * s + er) / np.maximum(ee, tiny)
+    inside = np.clip(t, 0.0, 1.0)
+    s = np.where(t == inside, s, np.clip((de * inside - dr) / np.maximum(dd, tiny), 0.0, 1.0))
+    out: Array = np.linalg.norm(r + s[:, None] * d - inside[:, None] * e, axis=1)
+    return out
+
+
+def _crossings(shape: Shape, i: IntArray, j: IntArray) -> Crossing:
+    """Edges through facets, of pairs of facets that may meet."""
+    edges = shape.edge_numbers
+    one = np.stack((edges[i], np.broadcast_to(j[:, None], (len(j), 4))), axis=-1).reshape(-1, 2)
+    other = np.stack((edges[j], np.broadcast_to(i[:, None], (len(i), 4))), axis=-1).reshape(-1, 2)
+    ef = _unique(np.vstack((one, other)))
+    ef = ef[~shape.slivers[ef[:, 0]]]
+    first, last = shape.edge_ends(ef[:, 0])
+    points, f = shape.vertices, ef[:, 1]
+    a0, c0, h0 = _in_facet(shape, points[first], f)
+    a1, c1, h1 = _in_facet(shape, points[last], f)
+    through = np.flatnonzero(h0 * h1 < 0)
+    ef, f = ef[through], f[through]
+    a0, c0, h0, a1, c1, h1 = (v[through] for v in (a0, c0, h0, a1, c1, h1))
+    part = h0 / (h0 - h1)
+    along, across = a0 + part * (a1 - a0), c0 + part * (c1 - c0)
+    inside = np.flatnonzero(_on_facet(along, across, shape.xi[f]))
+    ef, f, h0, h1 = ef[inside], f[inside], h0[inside], h1[inside]
+    counted = np.flatnonzero(_counts((shape,), Shape.flat_of_edges, Shape.flat_of_facets, ef))
+    ef, f, h0, h1 = ef[counted], f[counted], h0[counted], h1[counted]
+    depth = np.minimum(np.abs(h0), np.abs(h1))
+    for k in range(4):
+        depth = np.minimum(depth, _edge_distances(shape, np.column_stack((ef[:, 0], edges[f, k]))))
+    return Crossing(ef[:, 0], f, depth)
+
+
+# --- a motion ---
+
+
+@dataclass(frozen=True)
+class Passages:
+    """Where features pass through each other on a straight way: the pairs, with the sign that keeps them
+    on the side where they were, and when (k,), 0 to 1, in order."""
+
+    pairs: Pairs
+    when: Array
+
+    def __len__(self) -> int:
+        return len(self.when)
+
+
+class Motion:
+    """The straight way of all vertices from one shape to another, which is first turned to where the first is
+    (Kabsch 1976)."""
+
+    def __init__(self, before: Shape, after: Shape) -> None:
+        self.before = before
+        p, q = before.vertices, after.vertices
+        here, there = q.mean(axis=0), p.mean(axis=0)
+        u, _, v = np.linalg.svd((q - here).T @ (p - there))
+        turn = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ v))]) @ v
+        self.after = after.turned(turn, there - here @ turn)
+        self._p, self._q = p, self.after.vertices
+
+    def at(self, part: float) -> Shape:
+        """The shape at a part of the way."""
+        return self.before.between(self.after, part)
+
+    def passages(self) -> Passages:
+        """Continuous collision detection over all pairs.
+
+        No bound on the motion is assumed: the search for candidates has each facet's own motion for its
+        slack.
+        """
+        middle, half = 0.5 * (self._p + self._q), 0.5 * np.linalg.norm(self._q - self._p, axis=1)
+        slack = half[self.before.corner_numbers].max(axis=1)
+        i, j = near_facets(corners_of(self.before, middle), slack, 0.0)
+        return self._among(i, j)
+
+    def passages_of_all_pairs(self) -> Passages:
+        """The same over every pair of facets, without a search: for small N, and for tests."""
+        return self._among(*np.triu_indices(self.before.segments, 1))
+
+    def _among(self, i: IntArray, j: IntArray) -> Passages:
+        features = Features.of((self.before, self.after), i, j)
+        return _passages(self.before, self.after, self._p, self._q, features)
+
+    def depth(self, met: Passages) -> float:
+        """The greatest depth of a crossing, looked for once between any two times at which features meet."""
+        times = np.unique(np.concatenate((met.when, [0.0, 1.0])))
+        parts = 0.5 * (times[1:] + times[:-1])
+        if len(parts) > MOST_PARTS:
+            parts = parts[np.linspace(0, len(parts) - 1, MOST_PARTS).astype(int)]
+        return max(audit(self.at(float(part)), 0.0).penetration for part in parts)
+
+
+def passages(before: Shape, after: Shape) -> Passages:
+    """Where features pass through each other on the straight way from one shape to another."""
+    return Motion(before, after).passages()
+
+
+def _passages(before: Shape, after: Shape, p: Array, q: Array, features: Features) -> Passages:
+    """The pairs of features that meet while vertices go from p to q."""
+    corners = before.corner_numbers
+    found: list[tuple[int, IntArray, Array, Array]] = []
+    for start in range(0, len(features.vertex_facet), BLOCK):
+        block = features.vertex_facet[start : start + BLOCK]
+        rim = corners[block[:, 1]]
+        for triangle in ((0, 1, 2), (0, 2, 3)):
+            four = np.column_stack((rim[:, triangle], block[:, 0]))
+            # The triangle's normal is along g x u, that of gaps along u x g.
+            found += [(FACET, block[k], t, -s) for k, t, s in _meetings(p, q, four, _in_triangle)]
+    for start in range(0, len(features.edge_edge), BLOCK):
+        block = features.edge_edge[start : start + BLOCK]
+        four = np.column_stack((*before.edge_ends(block[:, 0]), *before.edge_ends(block[:, 1])))
+        found += [(EDGE, block[k], t, s) for k, t, s in _meetings(p, q, four, _in_both)]
+    facing = [f for f in found if f[0] == FACET]
+    beside = [f for f in found if f[0] == EDGE]
+    none = np.empty((0, 2), dtype=np.int64)
+    pairs = _pairs(
+        np.vstack([f[1] for f in facing]) if facing else none,
+        np.vstack([f[1] for f in beside]) if beside else none,
+    )
+    when = np.concatenate([f[2] for f in (*facing, *beside)]) if found else np.empty(0)
+    rate = np.concatenate([f[3] for f in (*facing, *beside)]) if found else np.empty(0)
+    order = np.lexsort((*np.hstack((pairs.first, pairs.second)).T[::-1], when))
+    pairs = Pairs(pairs.first, pairs.second, np.where(rate > 0, -1.0, 1.0))
+    return Passages(pairs.take(order), when[order])
+
+
+def meets(before: Shape, p: Array, q: Array, features: Features) -> bool:
+    """Whether any of these features meet while vertices go from p to q."""
+    return len(_passages(before, before, p, q, features)) > 0
+
+
+def _meetings(p: Array, q: Array, four: IntArray, inside):  # type: ignore[no-untyped-def]
+    """Of quadruples of vertices (k,4): which become coplanar with their features touching, when, and which
+    way the volume goes then; once for each of three roots."""
+    a, d = p[four], q[four] - p[four]
+    # Boxes of the whole motion first.
+    low, high = np.minimum(p[four], q[four]), np.maximum(p[four], q[four])
+    count = 3 if inside is _in_triangle else 2
+    apart = (low[:, :count].min(1) > high[:, count:].max(1)) | (
+        high[:, :count].max(1) < low[:, count:].min(1)
+    )
+    kept = np.flatnonzero(~apart.any(axis=1))
+    a, d = a[kept], d[kept]
+    coefficients = _volume(a, d)
+    for t in _roots(coefficients):
+        there = np.isfinite(t)
+        at = np.flatnonzero(there)
+        place = a[at] + t[at, None, None] * d[at]
+        good = at[inside(place)]
+        c = coefficients[good]
+        s = t[good]
+        yield kept[good], s, c[:, 1] + s * (2.0 * c[:, 2] + 3.0 * s * c[:, 3])
+
+
+def _volume(a: Array, d: Array) -> Array:
+    """Coefficients (k,4) of (x1 - x0) x (x2 - x0).(x3 - x0) for x = a + t d."""
+    e, f = a[:, 1:] - a[:, :1], d[:, 1:] - d[:, :1]
+    out = np.zeros((len(a), 4))
+    for mask in range(8):
+        rows = [(f if mask >> k & 1 else e)[:, k] for k in range(3)]
+        out[:, mask.bit_count()] += (np.cross(rows[0], rows[1]) * rows[2]).sum(axis=1)
+    return out
+
+
+def _roots(c: Array) -> list[Array]:
+    """The roots in [0, 1] of cubics (k,4), ascending powers: one array (k,) for each of three, else nan.
+
+    Between 0, the extrema and 1 a cubic is monotone: a change of sign there is halved down to rounding.
+    """
+
+    def value(t: Array) -> Array:
+        out: Array = c[:, 0] + t * (c[:, 1] + t * (c[:, 2] + t * c[:, 3]))
+        return out
+
+    a, b = 3.0 * c[:, 3], c[:, 2]
+    square = b * b - a * c[:, 1]
+    stop = -b - np.copysign(np.sqrt(np.maximum(square, 0.0)), b)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        turns = np.stack((stop / a, c[:, 1] / stop))
+    turns = np.where(np.isfinite(turns) & (square > 0), np.clip(turns, 0.0, 1.0), 0.0)
+    turns.sort(axis=0)
+    cuts = (np.zeros(len(c)), turns[0], turns[1], np.ones(len(c)))
+    out = []
+    for low, high in pairwise(cuts):
+        at_low, at_high = value(low), value(high)
+        root = np.full(len(c), np.nan)
+        at = np.flatnonzero((at_low * at_high <= 0) & (high > low))
+        if at.size:
+            root[at] = _halved(c[at], low[at], high[at], at_low[at])
+        out.append(root)
+    return out
+
+
+def _halved(c: Array, low: Array, high: Array, at_low: Array) -> Array:
+    for _ in range(ROOT_STEPS):
+        middle = 0.5 * (low + high)
+        value = c[:, 0] + middle * (c[:, 1] + middle * (c[:, 2] + middle * c[:, 3]))
+        same = value * at_low > 0
+        low, high = np.where(same, middle, low), np.where(same, high, middle)
+    out: Array = 0.5 * (low + high)
+    return out
+
+
+MARGIN = 1e-9
+"""Margin of a triangle's and an edge's coordinates at a meeting: a passage between two features counts for
+both."""
+
+
+def _in_triangle(x: Array) -> NDArray[np.bool_]:
+    """Whether the fourth of coplanar points (k,4,3) is in the triangle of the others."""
+    e, f, off = x[:, 1] - x[:, 0], x[:, 2] - x[:, 0], x[:, 3] - x[:, 0]
+    normal = np.cross(e, f)
+    square = np.maximum((normal * normal).sum(1), np.finfo(float).tiny)
+    first = (np.cross(off, f) * normal).sum(1) / square
+    second = (np.cross(e, off) * normal).sum(1) / square
+    out: NDArray[np.bool_] = (first >= -MARGIN) & (second >= -MARGIN) & (first + second <= 1.0 + MARGIN)
+    return out
+
+
+def _in_both(x: Array) -> NDArray[np.bool_]:
+    """Whether coplanar segments x0 x1 and x2 x3 meet."""
+    d, e, off = x[:, 1] - x[:, 0], x[:, 3] - x[:, 2], x[:, 2] - x[:, 0]
+    normal = np.cross(d, e)
+    square = np.maximum((normal * normal).sum(1), np.finfo(float).tiny)
+    s = (np.cross(off, e) * normal).sum(1) / square
+    t = (np.cross(off, d) * normal).sum(1) / square
+    low, high = -MARGIN, 1.0 + MARGIN
+    out: NDArray[np.bool_] = (s >= low) & (s <= high) & (t >= low) & (t <= high)
+    return out

@@ -1,0 +1,314 @@
+"""Signed gaps of pairs of features, with their first and second derivatives.
+
+A vertex against a facet and an edge against an edge have one and the same gap. With D from a point of the
+second feature to one of the first, and two directions p and q,
+
+    T = D.n,     n = c / |c|,     c = p x q.
+
+Facet k gives r_k for the point and u_k, g_k for the directions. Two edges give a point and a direction
+each: a ruling r_k and g_k, a side r_k -+ b g_k and u_k. With w = (D - T n) / |c|,
+
+    T_D = n,                   T_p = q x w,              T_q = w x p,
+    T_Dc = (1 - n n') / |c|,   T_cc = -(n w' + w n') / |c| - T (1 - n n') / |c|^2,
+    T_pq = ... - [w]x,         dc = dp x q + p x dq,
+
+and T_DD = 0. Where a gap is wanted that is not zero, the distance of a vertex and an edge,
+|D - (D.d) d / d.d|, and that of two vertices, |D|, count as well.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .band import Array
+from .touching import EDGE, FACET, VERTEX, IntArray, Shape
+
+
+@dataclass(frozen=True)
+class Pairs:
+    """Pairs of features: `first` and `second` (k,2), kind and number, and the `sign` (k,) of each gap.
+
+    A vertex comes before a facet or an edge; of two alike the lower number comes first. The gap is `sign`
+    times T, positive where the features are on the sides on which they are to stay.
+    """
+
+    first: IntArray
+    second: IntArray
+    sign: Array
+
+    @classmethod
+    def none(cls) -> Pairs:
+        """No pairs."""
+        return cls(np.empty((0, 2), np.int64), np.empty((0, 2), np.int64), np.empty(0))
+
+    def __len__(self) -> int:
+        return len(self.sign)
+
+    def names(self) -> list[tuple[int, int, int, int]]:
+        """What names each pair."""
+        return [tuple(row) for row in np.hstack((self.first, self.second)).tolist()]
+
+    def take(self, which: NDArray[np.bool_] | IntArray) -> Pairs:
+        """Some of the pairs."""
+        return Pairs(self.first[which], self.second[which], self.sign[which])
+
+    def joined(self, other: Pairs) -> Pairs:
+        """These pairs and others."""
+        return Pairs(
+            np.vstack((self.first, other.first)),
+            np.vstack((self.second, other.second)),
+            np.concatenate((self.sign, other.sign)),
+        )
+
+    def unique(self) -> Pairs:
+        """The pairs, each once."""
+        first = {key: k for k, key in reversed(list(enumerate(self.names())))}
+        return self.take(np.array(sorted(first.values()), dtype=np.int64))
+
+    def ordered(self) -> Pairs:
+        """The pairs in the order of their names."""
+        return self.take(np.lexsort(np.hstack((self.first, self.second)).T[::-1]))
+
+    def flipped(self) -> Pairs:
+        """The pairs with the other sign."""
+        return replace(self, sign=-self.sign)
+
+
+R_FIRST, G_FIRST, R_SECOND, G_SECOND, ONE, TWO = range(6)
+"""What a gap depends on, 3 numbers each: a node and a ruling on either side, and two directions."""
+NODE, RULING, TANGENT = 0, 1, 2
+"""Kinds of what it depends on."""
+
+
+@dataclass(frozen=True)
+class Arguments:
+    """What the gaps of pairs depend on: `kind` and `number` (k,6) of their six vectors, `reach` (k,2), how
+    many b g belong to the points on either side, and `pointed` (k,), 2 where both directions count, 1
+    where one does (vertex and edge), 0 where none does."""
+
+    kind: IntArray
+    number: IntArray
+    reach: Array
+    pointed: IntArray
+
+
+def _edge(edges: IntArray) -> tuple[IntArray, Array, IntArray]:
+    """Of edges: the node of their points, how many b g, and whether the direction is a ruling or a
+    tangent."""
+    which = edges % 3
+    return edges // 3, np.array([0.0, -1.0, 1.0])[which], np.where(which == 0, RULING, TANGENT)
+
+
+def arguments(pairs: Pairs) -> Arguments:
+    """What the gaps of pairs depend on. Raises ValueError for pairs that have no gap."""
+    count = len(pairs)
+    kind = np.tile(np.array([NODE, RULING, NODE, RULING, TANGENT, RULING]), (count, 1))
+    number = np.zeros((count, 6), dtype=np.int64)
+    reach, pointed = np.zeros((count, 2)), np.full(count, 2)
+    for k, (features, node, ruling) in enumerate(
+        ((pairs.first, R_FIRST, G_FIRST), (pairs.second, R_SECOND, G_SECOND))
+    ):
+        of, at = features[:, 0], features[:, 1]
+        vertex, edge, facet = of == VERTEX, of == EDGE, of == FACET
+        place, lean, along = _edge(np.where(edge, at, 0))
+        number[:, node] = number[:, ruling] = np.where(vertex, at // 2, np.where(edge, place, at))
+        reach[:, k] = np.where(vertex, 2.0 * (at % 2) - 1.0, np.where(edge, lean, 0.0))
+        direction = TWO if k else ONE
+        kind[edge, direction], number[edge, direction] = along[edge], place[edge]
+        number[facet, ONE] = number[facet, TWO] = at[facet]
+        if facet.any() and not k:
+            raise ValueError("a facet is the second of a pair")
+    alone = pairs.first[:, 0] == VERTEX
+    pointed[alone & (pairs.second[:, 0] == EDGE)] = 1
+    pointed[alone & (pairs.second[:, 0] == VERTEX)] = 0
+    return Arguments(kind, number, reach, pointed)
+
+
+def vectors(shape: Shape, what: Arguments) -> Array:
+    """The six vectors (k,6,3) of each gap in a shape."""
+    out = np.empty((*what.kind.shape, 3))
+    for kind, values in ((NODE, shape.nodes), (RULING, shape.rulings), (TANGENT, shape.u)):
+        chosen = what.kind == kind
+        out[chosen] = values[np.minimum(what.number[chosen], len(values) - 1)]
+    return out
+
+
+@dataclass(frozen=True)
+class Gaps:
+    """Gaps (k,), their gradients (k,6,3) and Hessians (k,18,18) in the six vectors, and by the half-width:
+    `rate` (k,), `rate_gradient` (k,6,3), `rate_second` (k,)."""
+
+    value: Array
+    gradient: Array
+    hessian: Array
+    rate: Array
+    rate_gradient: Array
+    rate_second: Array
+
+
+def gaps(six: Array, what: Arguments, sign: Array, half_width: float) -> Gaps:
+    """Gaps and derivatives at vectors (k,6,3)."""
+    count, b = len(sign), half_width
+    lean_first, lean_second = what.reach[:, 0], what.reach[:, 1]
+    offset = six[:, R_FIRST] - six[:, R_SECOND]
+    offset = offset + b * (lean_first[:, None] * six[:, G_FIRST] - lean_second[:, None] * six[:, G_SECOND])
+    value, first, second = _of_offset(offset, six[:, ONE], six[:, TWO], what.pointed)
+    value, first, second = sign * value, sign[:, None] * first, sign[:, None, None] * second
+    # From (D, p, q) to the six vectors: D = r + lean b g - r' - lean' b g'.
+    weight = np.zeros((count, 3, 6))
+    weight[:, 0, R_FIRST], weight[:, 0, R_SECOND] = 1.0, -1.0
+    weight[:, 0, G_FIRST], weight[:, 0, G_SECOND] = b * lean_first, -b * lean_second
+    weight[:, 1, ONE] = weight[:, 2, TWO] = 1.0
+    turn = np.zeros((count, 3, 6))
+    turn[:, 0, G_FIRST], turn[:, 0, G_SECOND] = lean_first, -lean_second
+    local, blocks = first.reshape(count, 3, 3), second.reshape(count, 3, 3, 3, 3)
+    gradient = np.einsum("kas,kai->ksi", weight, local)
+    hessian = np.einsum("kas,kaibj,kbt->ksitj", weight, blocks, weight, optimize=True)
+    arm = lean_first[:, None] * six[:, G_FIRST] - lean_second[:, None] * six[:, G_SECOND]
+    pushed = np.einsum("kaij,kj->kai", blocks[:, :, :, 0], arm)
+    return Gaps(
+        value,
+        gradient,
+        hessian.reshape(count, 18, 18),
+        np.einsum("ki,ki->k", local[:, 0], arm),
+        np.einsum("kas,kai->ksi", weight, pushed) + np.einsum("kas,kai->ksi", turn, local),
+        np.einsum("ki,ki->k", pushed[:, 0], arm),
+    )
+
+
+def _of_offset(offset: Array, p: Array, q: Array, pointed: IntArray) -> tuple[Array, Array, Array]:
+    """Values (k,), gradients (k,9) and Hessians (k,9,9) in D, p and q."""
+    count = len(offset)
+    value, first, second = np.zeros(count), np.zeros((count, 9)), np.zeros((count, 9, 9))
+    for kind, function in ((2, _signed), (1, _to_line), (0, _to_point)):
+        chosen = pointed == kind
+        if chosen.any():
+            value[chosen], first[chosen], second[chosen] = function(offset[chosen], p[chosen], q[chosen])
+    return value, first, second
+
+
+def _skew(v: Array) -> Array:
+    """[v]x (k,3,3), for which [v]x w = v x w."""
+    out = np.zeros((len(v), 3, 3))
+    out[:, 0, 1], out[:, 0, 2], out[:, 1, 2] = -v[:, 2], v[:, 1], -v[:, 0]
+    return out - np.swapaxes(out, 1, 2)
+
+
+def _outer(v: Array, w: Array) -> Array:
+    out: Array = v[:, :, None] * w[:, None, :]
+    return out
+
+
+def _signed(d: Array, p: Array, q: Array) -> tuple[Array, Array, Array]:
+    """T and its derivatives."""
+    c = np.cross(p, q)
+    size = np.maximum(np.linalg.norm(c, axis=1), np.finfo(float).tiny)[:, None]
+    n = c / size
+    value = (d * n).sum(axis=1)
+    w = (d - value[:, None] * n) / size
+    across = (np.eye(3) - _outer(n, n)) / size[:, :, None]
+    bend = -(_outer(n, w) + _outer(w, n)) / size[:, :, None] - (value[:, None] / size)[:, :, None] * across
+    by_p, by_q = -_skew(q), _skew(p)
+    first = np.concatenate((n, np.cross(q, w), np.cross(w, p)), axis=1)
+    second = np.zeros((len(d), 9, 9))
+    second[:, :3, 3:6], second[:, :3, 6:] = across @ by_p, across @ by_q
+    turned_p, turned_q = np.swapaxes(by_p, 1, 2), np.swapaxes(by_q, 1, 2)
+    second[:, 3:6, 3:6], second[:, 6:, 6:] = turned_p @ bend @ by_p, turned_q @ bend @ by_q
+    second[:, 3:6, 6:] = turned_p @ bend @ by_q - _skew(w)
+    return value, first, _symmetric(second)
+
+
+def _symmetric(second: Array) -> Array:
+    """Copy the blocks above the diagonal below it."""
+    for i, j in ((0, 1), (0, 2), (1, 2)):
+        here, there = slice(3 * i, 3 * i + 3), slice(3 * j, 3 * j + 3)
+        second[:, there, here] = np.swapaxes(second[:, here, there], 1, 2)
+    return second
+
+
+def _to_line(d: Array, p: Array, q: Array) -> tuple[Array, Array, Array]:
+    """The distance of a point from the line along q."""
+    del p
+    square = (q * q).sum(axis=1)[:, None]
+    part = (d * q).sum(axis=1)[:, None] / square
+    rest = d - part * q
+    value = np.maximum(np.linalg.norm(rest, axis=1), np.finfo(float).tiny)
+    n = rest / value[:, None]
+    first = np.zeros((len(d), 9))
+    first[:, :3], first[:, 6:] = n, -part * n
+    # d(rest) = P dD - q (dq.rest)/q.q - part P dq with P = 1 - q q'/q.q; value n' d(value) = rest'...
+    along = _outer(q, q) / square[:, :, None]
+    across = (np.eye(3) - along - _outer(n, n)) / value[:, None, None]
+    tilt = _outer(q, n) / square[:, :, None]
+    second = np.zeros((len(d), 9, 9))
+    k = part[:, :, None]
+    second[:, :3, :3] = across
+    second[:, :3, 6:] = -k * across - tilt
+    second[:, 6:, 6:] = (
+        k * k * across
+        + k * (tilt + np.swapaxes(tilt, 1, 2))
+        - (value[:, None, None] / square[:, :, None]) * _outer(n, n)
+    )
+    return value, first, _symmetric(second)
+
+
+def _to_point(d: Array, p: Array, q: Array) -> tuple[Array, Array, Array]:
+    """The length of D."""
+    del p, q
+    value = np.maximum(np.linalg.norm(d, axis=1), np.finfo(float).tiny)
+    n = d / value[:, None]
+    first, second = np.zeros((len(d), 9)), np.zeros((len(d), 9, 9))
+    first[:, :3] = n
+    second[:, :3, :3] = (np.eye(3) - _outer(n, n)) / value[:, None, None]
+    return value, first, second
+
+
+def places(shape: Shape, pairs: Pairs) -> Array:
+    """Where on their features the pairs touch, (k,4): two coordinates on the first and two on the second.
+
+    All are between 0 and 1 inside: along an edge from its first end to its last; on a facet along the band
+    and across it. What a feature does not have is 1/2.
+    """
+    out = np.full((len(pairs), 4), 0.5)
+    what = arguments(pairs)
+    six = vectors(shape, what)
+    b = shape.half_width
+    lean = b * what.reach[:, :, None]
+    first, second = (
+        six[:, R_FIRST] + lean[:, 0] * six[:, G_FIRST],
+        six[:, R_SECOND] + lean[:, 1] * six[:, G_SECOND],
+    )
+    facing = pairs.second[:, 0] == FACET
+    p, q = six[:, ONE], six[:, TWO]
+    c = np.cross(p, q)
+    square = np.maximum((c * c).sum(axis=1), np.finfo(float).tiny)
+    d = first - second
+    if facing.any():
+        facet = pairs.second[facing, 1]
+        along = (np.cross(d, q) * c).sum(axis=1)[facing] / square[facing]
+        across = (np.cross(p, d) * c).sum(axis=1)[facing] / (square[facing] * b)
+        far = shape.h * np.maximum(1.0 + across * np.tanh(shape.xi[facet]), np.finfo(float).tiny)
+        out[facing, 2], out[facing, 3] = along / far, 0.5 * (across + 1.0)
+    crossing = (pairs.first[:, 0] == EDGE) & (pairs.second[:, 0] == EDGE)
+    if crossing.any():
+        on_first = -(np.cross(d, q) * c).sum(axis=1) / square
+        on_second = -(np.cross(d, p) * c).sum(axis=1) / square
+        out[crossing, 0] = _part(shape, pairs.first[crossing, 1], on_first[crossing])
+        out[crossing, 2] = _part(shape, pairs.second[crossing, 1], on_second[crossing])
+    beside = (pairs.first[:, 0] == VERTEX) & (pairs.second[:, 0] == EDGE)
+    if beside.any():
+        on = (d * q).sum(axis=1) / np.maximum((q * q).sum(axis=1), np.finfo(float).tiny)
+        out[beside, 2] = _part(shape, pairs.second[beside, 1], on[beside])
+    return out
+
+
+def _part(shape: Shape, edges: IntArray, along: Array) -> Array:
+    """Coordinates along edges, from multiples of their directions."""
+    k, which = np.minimum(edges // 3, shape.segments - 1), edges % 3
+    rise = np.tanh(shape.xi[k])
+    side = shape.h * np.maximum(np.where(which == 1, 1.0 - rise, 1.0 + rise), np.finfo(float).tiny)
+    out: Array = np.where(which == 0, 0.5 * (along / shape.half_width + 1.0), along / side)
+    return out

@@ -1,0 +1,137 @@
+"""The problem of a strip that rests on itself: gaps that are kept are rows, their forces multipliers.
+
+L = E - lambda.c - f.(g - t): a force f pushes features apart, and f >= 0 where a gap g may not be less
+than t. With the rows of gaps after those of constraints, Newton's method, its certificate and its saddles
+serve as they are.
+"""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from itertools import pairwise
+
+import numpy as np
+import scipy
+
+from ..model.band import Array, Band
+from ..model.problem import LocalDerivatives, Problem
+from ..model.rates import Rates, rates
+from ..model.touching import Shape
+from ..model.touching_gaps import Gaps, Pairs, arguments, gaps, vectors
+from ..parts import HALF_WIDTH
+from .resting_kkt import Copies, RestingDerivatives, Touched, copy_columns, pulled_back
+
+
+class RestingProblem(Problem):
+    """A problem with gaps of fixed pairs kept at `gap`; its multipliers (5N+3+k,) end with the forces."""
+
+    def __init__(self, band: Band, pairs: Pairs, gap: float = 0.0) -> None:
+        super().__init__(band)
+        self.base = Problem(band)
+        self.pairs, self.gap = pairs, gap
+        self.what = arguments(pairs)
+        self.copies = Copies.of(self.what)
+        self.rows = self.base.rows + len(pairs)
+        self.weights = np.concatenate((self.base.weights, np.ones(len(pairs))))
+
+    def split(self, multipliers: Array) -> tuple[Array, Array]:
+        """Multipliers of constraints (5N+3,) and forces (k,)."""
+        return multipliers[: self.base.rows], multipliers[self.base.rows :]
+
+    def gaps(self, x: Array) -> Gaps:
+        """Gaps and their derivatives at x (7N,)."""
+        shape = Shape.of(self.state(x), self.gap)
+        return gaps(vectors(shape, self.what), self.what, self.pairs.sign, self.band.half_width)
+
+    def pull(self, local: Array) -> Array:
+        """The sum (7N,) of gradients (k,6,3) in the gaps' six vectors, in x."""
+        on_copies = np.zeros((len(self.copies.kind), 3))
+        np.add.at(on_copies, self.copies.slot.ravel(), local.reshape(-1, 3))
+        return pulled_back(self.base, self.copies, on_copies)
+
+    def constraints(self, x: Array) -> Array:
+        """Constraint values as in (2.19), then gaps less what they are to be."""
+        out: Array = np.concatenate((super().constraints(x), self.gaps(x).value - self.gap))
+        return out
+
+    def local_derivatives(self, x: Array, multipliers: Array | None) -> LocalDerivatives:
+        """All derivatives at x for multipliers (5N+3+k,)."""
+        forces = np.zeros(len(self.pairs))
+        if multipliers is not None:
+            multipliers, forces = self.split(multipliers)
+        free = self.base.local_derivatives(x, multipliers)
+        found = self.gaps(x)
+        hessian = -forces[:, None, None] * found.hessian
+        touched = Touched(self.copies, found.gradient, hessian) if len(self.pairs) else None
+        own = {f.name: getattr(free, f.name) for f in fields(LocalDerivatives)}
+        own["constraints"] = np.concatenate((free.constraints, found.value - self.gap))
+        return RestingDerivatives(**own, base=self.base, free=free, touched=touched)
+
+    def lagrangian_gradient(self, local: LocalDerivatives, multipliers: Array) -> Array:
+        """Gradient (7N,) of the Lagrangian."""
+        assert isinstance(local, RestingDerivatives)
+        multipliers, forces = self.split(multipliers)
+        out = self.base.lagrangian_gradient(local.free, multipliers)
+        if local.touched is None:
+            return out
+        return out - self.pull(forces[:, None, None] * local.touched.jacobian)
+
+    def jacobian_matrix(self, local: LocalDerivatives) -> scipy.sparse.csc_matrix:
+        """The Jacobian (5N+3+k, 7N): dense in the rows of gaps."""
+        assert isinstance(local, RestingDerivatives)
+        own = self.base.jacobian_matrix(local.free)
+        if local.touched is None:
+            return own
+        rows = np.array(
+            [
+                self.pull(
+                    np.where(np.arange(len(self.pairs))[:, None, None] == k, local.touched.jacobian, 0.0)
+                )
+                for k in range(len(self.pairs))
+            ]
+        )
+        return scipy.sparse.csc_matrix(scipy.sparse.vstack((own, scipy.sparse.csc_matrix(rows))))
+
+    def hessian_matrix(self, local: LocalDerivatives) -> scipy.sparse.csc_matrix:
+        """The Lagrangian's Hessian (7N, 7N), with what forces add to it."""
+        assert isinstance(local, RestingDerivatives)
+        own = self.base.hessian_matrix(local.free)
+        if local.touched is None:
+            return own
+        copies, k = self.copies, len(self.pairs)
+        c = self._copies_of_x()
+        six = (3 * copies.slot[:, :, None] + np.arange(3)).reshape(k, 18)
+        rows, columns = np.repeat(six, 18, axis=1).ravel(), np.tile(six, (1, 18)).ravel()
+        s = scipy.sparse.coo_matrix(
+            (local.touched.hessian.ravel(), (rows, columns)), shape=(copies.size, copies.size)
+        ).tocsc()
+        return own + scipy.sparse.csc_matrix(c.T @ s @ c)
+
+    def _copies_of_x(self) -> scipy.sparse.csc_matrix:
+        """z by x (q, 7N), node positions summed up."""
+        rows, columns, values = copy_columns(self.base, self.copies)
+        free = ~self.fixed[columns]
+        own = scipy.sparse.coo_matrix(
+            (values[free], (rows[free], columns[free])), shape=(self.copies.size, self.size)
+        ).tocsr()
+        out = own.toarray()
+        nodes = np.flatnonzero(self.copies.kind == 0)
+        for before, j in pairwise(nodes):
+            out[3 * j : 3 * j + 3] += out[3 * before : 3 * before + 3]
+        return scipy.sparse.csc_matrix(out)
+
+
+def resting_rates(problem: RestingProblem, x: Array, multipliers: Array, name: str) -> Rates:
+    """The derivatives by a parameter with gaps; dE/db has -f.dg/db. See `model.rates`."""
+    own, forces = problem.split(multipliers)
+    energy_gradient = problem.base.local_derivatives(x, None).gradient
+    found = rates(problem.base, x, own, energy_gradient, name)
+    by_gap = np.zeros(len(forces))
+    lagrangian, gradient, second = found.lagrangian, found.gradient, found.second
+    if name == HALF_WIDTH and forces.size:
+        at = problem.gaps(x)
+        by_gap = at.rate
+        lagrangian -= float(forces @ at.rate)
+        gradient = gradient - problem.pull(forces[:, None, None] * at.rate_gradient)
+        second -= float(forces @ at.rate_second)
+    return Rates(lagrangian, gradient, np.concatenate((found.constraints, by_gap)), second)

@@ -1,0 +1,299 @@
+"""The KKT matrix of a strip that rests on itself.
+
+A gap depends on a few node positions, rulings and tangents anywhere on the strip. Copies z of these (q
+numbers) are unknowns besides x, with rows that say so, and the rows of gaps that are to be kept stand on z
+alone:
+
+    [ W    A^T  0    Z  C^T  0   ]       x,
+    [ A    0    0    0  0    0   ]       constraints,
+    [ 0    0    0    0  0    D   ]       gaps,
+    [ Z^T  0    0    0  0    0   ]       gauge,
+    [ C    0    0    0  0    B   ]       copies, C x + B z = 0,
+    [ 0    0    D^T  0  B^T  S   ]       z, with S = -f.g'' for forces f.
+
+The position of a touched node differs from that of the touched node before it by h times the sum of the
+tangents between them, so that all copies together add at most N entries a component: the matrix stays
+sparse. Its first block and its order of pivots are the base matrix's, z with its rows and those of gaps
+join the border of the block reduction, and negative eigenvalues beyond one for each row are, by
+Haynsworth's additivity, those of the projected Hessian on the null space of constraints and gaps.
+
+The regularisation delta is subtracted from copies as well, so that no pivot is zero where S is. That makes
+W_c less, never more: where no pivot is surplus all the same, W_c is positive definite.
+"""
+
+from __future__ import annotations
+
+from copy import copy
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..model.band import Array
+from ..model.problem import LocalDerivatives, Problem
+from ..model.sparsity import Scatter
+from ..model.touching_gaps import NODE, RULING, TANGENT, Arguments
+from .kkt import BLOCK, KKTMatrix, NodeBlocks, Pattern, pattern_of
+
+IntArray = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Copies:
+    """Which vectors are copied: `kind` and `number` (c,), sorted; `slot` (k,6) is the copy of each of a gap's
+    six. Nodes come first, in their order."""
+
+    kind: IntArray
+    number: IntArray
+    slot: IntArray
+
+    @classmethod
+    def of(cls, what: Arguments) -> Copies:
+        """The copies that gaps need."""
+        key = what.kind * (1 << 40) + what.number
+        unique, slot = np.unique(key, return_inverse=True)
+        return cls(unique >> 40, unique & ((1 << 40) - 1), slot.reshape(key.shape))
+
+    @property
+    def size(self) -> int:
+        """q, three for each."""
+        return 3 * len(self.kind)
+
+    def key(self) -> tuple[bytes, ...]:
+        """What patterns depend on."""
+        return self.kind.tobytes(), self.number.tobytes(), self.slot.tobytes()
+
+
+@dataclass(frozen=True, eq=False)
+class Touched:
+    """What gaps bring into the matrix: their `jacobian` (k,6,3) in their six vectors, one row for each
+    that is kept, and the Hessian (m,18,18) in z of all that push, those that are kept first."""
+
+    copies: Copies
+    jacobian: Array
+    hessian: Array
+
+
+@dataclass(frozen=True)
+class RestingDerivatives(LocalDerivatives):
+    """Derivatives with gaps: energy, gradient and constraints are complete, the local ones those of `free`,
+    of the problem `base` without gaps."""
+
+    base: Problem
+    free: LocalDerivatives
+    touched: Touched | None
+
+    def pushed(self) -> RestingDerivatives:
+        """The same without the rows of gaps: what forces add to the Hessian stays."""
+        if self.touched is None:
+            return self
+        return replace(self, touched=replace(self.touched, jacobian=self.touched.jacobian[:0]))
+
+
+def copy_columns(problem: Problem, copies: Copies) -> tuple[IntArray, IntArray, Array]:
+    """Rows, columns of x and values of C, (e,) each: rows as copies are numbered, component by component."""
+    h, n, strip = problem.band.h, problem.band.segments, problem.stencil.seam.strip
+    rows, columns, values = [], [], []
+    before = 0
+    for j, (kind, number) in enumerate(zip(copies.kind.tolist(), copies.number.tolist(), strict=True)):
+        if kind == NODE:
+            between = np.arange(before, number)
+            first, weight, before = 7 * between, h, number
+        elif kind == TANGENT:
+            first, weight = np.array([7 * number]), 1.0
+        elif strip and number == 0:
+            first, weight = np.empty(0, dtype=np.int64), 1.0  # held: g_1 of a strip is no unknown
+        else:
+            first, weight = np.array([7 * (number % n) + 3]), 1.0
+        for i in range(3):
+            rows.append(np.full(first.size, 3 * j + i))
+            columns.append(first + i)
+            values.append(np.full(first.size, weight))
+    return np.concatenate(rows), np.concatenate(columns), np.concatenate(values)
+
+
+def pulled_back(problem: Problem, copies: Copies, forces: Array) -> Array:
+    """C^T-like: what forces (c,3) on copies are on x (7N,), copies of positions summed along the strip."""
+    h, n, strip = problem.band.h, problem.band.segments, problem.stencil.seam.strip
+    out = np.zeros((n, 7))
+    on_nodes = np.zeros((n + 2, 3))
+    nodes = copies.kind == NODE
+    np.add.at(on_nodes, copies.number[nodes], forces[nodes])
+    later = np.cumsum(on_nodes[::-1], axis=0)[::-1]
+    out[:, :3] += h * later[1 : n + 1]
+    tangents = copies.kind == TANGENT
+    np.add.at(out[:, :3], copies.number[tangents], forces[tangents])
+    rulings = (copies.kind == RULING) & ~((copies.number == 0) & strip)
+    np.add.at(out[:, 3:6], copies.number[rulings] % n, forces[rulings])
+    flat = out.ravel()
+    flat[problem.fixed] = 0.0
+    return flat
+
+
+@dataclass(frozen=True, eq=False)
+class _Layout:
+    """A pattern and where its entries come from: base entries, then C, B, D, S in this order."""
+
+    pattern: Pattern
+    links: IntArray
+    six: IntArray
+    s_rows: IntArray
+    s_columns: IntArray
+    upper_half: NDArray[np.bool_]
+
+
+_layouts: dict[tuple[object, ...], _Layout] = {}
+"""Patterns made lately, by what they depend on."""
+KEPT_LAYOUTS = 16
+
+
+def _layout(base: KKTMatrix, copies: Copies, gaps: int, rows: IntArray, columns: IntArray) -> _Layout:
+    key = (base.pattern, gaps, *copies.key())
+    known = _layouts.get(key)
+    if known is None:
+        if len(_layouts) >= KEPT_LAYOUTS:
+            _layouts.pop(next(iter(_layouts)))
+        known = _layouts[key] = _build(base, copies, gaps, rows, columns)
+    return known
+
+
+def _build(base: KKTMatrix, copies: Copies, gaps: int, rows: IntArray, columns: IntArray) -> _Layout:
+    q, constraints = copies.size, base.size + base.border - base.gauge
+    first_copy = base.size + base.border + gaps
+    first_z = first_copy + q
+    total = first_z + q
+    upper = base.pattern.upper
+    old_columns = np.repeat(np.arange(upper.shape[1]), np.diff(upper.indptr))
+    old_rows = upper.indices.astype(np.int64)
+
+    def moved(index: IntArray) -> IntArray:
+        return np.where(index < constraints, index, index + gaps)
+
+    z = first_z + np.arange(q)
+    chained = np.flatnonzero(copies.kind == NODE)[1:]
+    links = (3 * chained[:, None] + np.arange(3)).ravel()
+    six = (3 * copies.slot[:, :, None] + np.arange(3)).reshape(len(copies.slot), 18)
+    s_rows, s_columns = np.repeat(six, 18, axis=1).ravel(), np.tile(six, (1, 18)).ravel()
+    half = s_rows <= s_columns
+    every = np.arange(total)
+    all_rows = (
+        moved(old_rows),
+        columns,
+        first_copy + np.arange(q),
+        first_copy + links,
+        np.repeat(constraints + np.arange(gaps), 18),
+        first_z + s_rows[half],
+        every,
+    )
+    all_columns = (
+        moved(old_columns),
+        first_copy + rows,
+        z,
+        z[links - 3],
+        first_z + six[:gaps].ravel(),
+        first_z + s_columns[half],
+        every,
+    )
+    scatter = Scatter.build(np.concatenate(all_rows), np.concatenate(all_columns), (total, total))
+    return _Layout(pattern_of(scatter), links, six, s_rows[half], s_columns[half], half)
+
+
+class RestingMatrix(KKTMatrix):
+    """The matrix above, scaled; it serves wherever a `KKTMatrix` does. `base` is that without gaps."""
+
+    def __init__(self, problem: Problem, base: KKTMatrix, touched: Touched) -> None:
+        copies, gaps = touched.copies, len(touched.jacobian)
+        q = copies.size
+        self.base, self.copies = base, copies
+        self.size, self.fixed, self.metric = base.size, base.fixed, base.metric
+        self.rotations, self.gauge = base.rotations, base.gauge
+        self.duals = base.border + gaps + q
+        self.border = self.duals + q
+        self.tail = base.gauge + 2 * q
+        rows, columns, values = copy_columns(problem, copies)
+        free = ~problem.fixed[columns]
+        rows, columns, values = rows[free], columns[free], values[free]
+        layout = self._layout = _layout(base, copies, gaps, rows, columns)
+        self.pattern = layout.pattern
+        sx = float(np.sqrt(problem.band.h / problem.band.half_width))
+        constraints = base.size + base.border - base.gauge
+        self.scale = np.concatenate(
+            (
+                base.scale[:constraints],
+                np.full(gaps, 1.0 / sx),
+                base.scale[constraints:],
+                np.full(q, 1.0 / sx),
+                np.full(q, sx),
+            )
+        )
+        self._c, self._rows, self._columns = values * base.scale[columns] / sx, rows, columns
+        self._d = touched.jacobian.reshape(gaps, 18)
+        self._s = touched.hessian.reshape(-1)[layout.upper_half] * sx**2
+        self._fill(
+            self.pattern.upper.data(
+                np.concatenate(
+                    (
+                        base.upper.data,
+                        self._c,
+                        np.full(q, -1.0),
+                        np.ones(layout.links.size),
+                        self._d.ravel(),
+                        self._s,
+                        np.zeros(self.size + self.border),
+                    )
+                )
+            )
+        )
+
+    def _with_diagonal(self, diagonal: Array) -> RestingMatrix:
+        """The same matrix with a diagonal one (7N,), in scaled unknowns, for the Hessian, and none on
+        copies."""
+        out = copy(self)
+        out.__dict__.pop("node_blocks", None)
+        out._s = np.zeros_like(self._s)
+        out.base = self.base._with_diagonal(diagonal)
+        data = self.upper.data.copy()
+        data[: self.upper.indptr[self.size]] = 0.0
+        data[self.pattern.diagonal[: self.size]] = diagonal
+        row, first = self.upper.indices, self.size + self.duals
+        z = slice(self.upper.indptr[first], None)
+        data[z][row[z] >= first] = 0.0
+        out._fill(data)
+        return out
+
+    @cached_property
+    def node_blocks(self) -> NodeBlocks:
+        """The base's blocks with gaps, copies' rows and copies in the border."""
+        inner, q, gaps = self.base.node_blocks, self.copies.size, len(self._d)
+        n, _, width = inner.border.shape
+        beyond = np.zeros((n * BLOCK, gaps + 2 * q))
+        beyond[BLOCK * (self._columns // 7) + self._columns % 7, gaps + self._rows] = self._c
+        corner = np.zeros((width + gaps + 2 * q,) * 2)
+        gap, row, z = width, width + gaps, width + gaps + q
+        at, links, layout = np.arange(q), self._layout.links, self._layout
+        corner[row + at, z + at] = -1.0
+        corner[row + links, z + links - 3] = 1.0
+        places = (np.repeat(gap + np.arange(gaps), 18), z + layout.six[:gaps].ravel())
+        np.add.at(corner, places, self._d.ravel())
+        np.add.at(corner, (z + layout.s_rows, z + layout.s_columns), self._s)
+        corner = np.triu(corner) + np.triu(corner, 1).T
+        last, constraints = BLOCK * n + width, self.base.size + self.base.border - self.gauge
+        position = np.concatenate(
+            (
+                inner.position[:constraints],
+                last + np.arange(gaps),
+                inner.position[constraints:],
+                last + gaps + np.arange(2 * q),
+            )
+        )
+        border = np.concatenate((inner.border, beyond.reshape(n, BLOCK, -1)), axis=2)
+        return NodeBlocks(position, inner.diagonal, inner.coupling, border, inner.held, corner)
+
+
+def kkt_matrix(problem: Problem, local: LocalDerivatives, rotations: Array) -> KKTMatrix:
+    """The KKT matrix of a problem, with gaps and copies where its derivatives have some."""
+    if not isinstance(local, RestingDerivatives):
+        return KKTMatrix(problem, local, rotations)
+    base = KKTMatrix(local.base, local.free, rotations)
+    return base if local.touched is None else RestingMatrix(local.base, base, local.touched)
