@@ -321,7 +321,7 @@ def test_a_note_that_another_host_left_locks_nobody_out(folder, monkeypatch):
     assert ribbon_json("ls")[0]["status"] == "running"
     with run.writing():
         assert f"process {os.getpid()} on " in run.remarks[0]
-        assert "ended without letting go" in run.remarks[0]
+        assert "ended without releasing" in run.remarks[0]
     assert ribbon_json("ls")[0]["status"] == "complete"
 
 
