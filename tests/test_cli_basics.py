@@ -36,7 +36,7 @@ def test_help_lists_the_commands_in_the_order_of_use():
     assert result.exit_code == 0
     assert result.stdout == ribbon("--help").stdout == ribbon("-h").stdout
     names = [line.split()[0] for line in result.stdout.partition("Commands:\n")[2].splitlines()]
-    assert names[:4] == ["init", "check", "solve", "refine"]
+    assert names[:5] == ["init", "check", "solve", "sweep", "refine"]
     assert "..." not in result.stdout.partition("Commands:\n")[2]
 
 

@@ -47,7 +47,7 @@ RUNS = ["mobius", "ring-a", "twin-00000001", "twin-00000002"]
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        (["s"], ["solve", "spectrum", "show", "schema"]),
+        (["s"], ["solve", "sweep", "spectrum", "show", "schema"]),
         (["schema", "-o", ""], ["<file>"]),
         (["conv"], ["convergence-table"]),
         (["solve", "--fr"], ["--fresh"]),

@@ -5,6 +5,7 @@ from . import datasets as datasets
 from . import drawing as drawing
 from . import exporting as exporting
 from . import following as following
+from . import sweep_console as sweep_console
 from . import tables as tables
 from .following import Followed as Followed
 from .opening import load_state as load_state

@@ -16,3 +16,5 @@ PLOT_KINDS = (
 """Kinds of picture, as in `plot.kinds.KINDS`."""
 EXPORT_FORMATS = ("npz", "vtkhdf", "obj", "stl", "ply", "glb", "csv", "json", "svg", "pdf", "fold", "html")
 """Formats of `export.formats` and npz, which are the files' suffixes as well."""
+SCRIPTS = ("slurm",)
+"""Schedulers that `ribbon sweep --script` writes for."""

@@ -7,15 +7,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ribbon_cli import digits, study
 from ribbon_cli.export.words import MEETS_ITSELF, linking_name
 from ribbon_cli.parts import HALF_WIDTH, PARAMETERS
 from ribbon_cli.store import StateRecord, Summary, varying
 from ribbon_cli.store.events import Event, Removed
-from ribbon_cli.sweeps import PointStanding
 from ribbon_cli.text import aligned, ranges, visible
+
+if TYPE_CHECKING:
+    from ribbon_cli.sweeps import PointStanding
 
 MISSING = "-"
 
