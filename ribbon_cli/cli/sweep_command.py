@@ -58,7 +58,7 @@ def sweep(
     dry_run: bool,
     script: str | None,
 ) -> int:
-    """Run every point of SWEEP.yaml; the same line again resumes.
+    """Run every point of SWEEP.yaml; resumes like solve.
 
     A point that fails is named and stops no other; it is tried again with --retry. The exit code is 3 when
     one has failed. `ribbon ls NAME` tells where each point stands.
