@@ -41,7 +41,7 @@ _WHOLE_CONFIGS = ("config_text", "config_resolved")
 @common_options
 @pass_settings
 def ls(settings: Settings, run: str | None, everything: bool, status: str | None, kind: str | None) -> int:
-    """List the runs, the equilibria of a RUN, or the points of a SWEEP.
+    """List runs, the states of a RUN, or a SWEEP's points.
 
     For each run it shows how many of the equilibria that the config asks for are done, running, waiting or
     failed. RUN@b=0.5 and RUN@b=0.5,N=400 list the states of a width or mesh. For each point of a sweep it
