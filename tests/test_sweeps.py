@@ -18,6 +18,7 @@ from cli_support import parse_json, ribbon, ribbon_json, run
 from sweep_support import MIXED, RINGS, commits, hashes, workers_of
 
 from ribbon_cli import study, sweeps
+from ribbon_cli.api import names
 from ribbon_cli.config import Sweep, load_sweep, parse_config
 from ribbon_cli.errors import LockedError, RibbonError, StoreError, UsageError
 from ribbon_cli.store import Run, SweepRecord, find_sweep, keep_sweep, mark_of
@@ -350,6 +351,7 @@ def test_limits_of_control_groups_are_heeded(tmp_path, monkeypatch):
 
 def test_the_script_for_slurm_is_a_shell_script_that_runs_points(mixed):
     """Run by sh with an index, it is the point of that index, and keeps its exit code."""
+    assert names.SCRIPTS == sweeps.SCRIPTS
     text = ribbon("sweep", "mixed.yaml", "--script", "slurm").stdout
     assert "#SBATCH --array=0-3\n" in text
     # The signal is for the job's own process, and what it wrote stays when it is requeued.

@@ -6,6 +6,7 @@ from . import drawing as drawing
 from . import exporting as exporting
 from . import following as following
 from . import gathering as gathering
+from . import sweep_console as sweep_console
 from . import sweep_datasets as sweep_datasets
 from . import sweep_drawing as sweep_drawing
 from . import tables as tables

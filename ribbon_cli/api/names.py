@@ -21,4 +21,4 @@ OF_TABLES = ("table", "shapes")
 EXPORT_FORMATS = ("npz", "vtkhdf", "obj", "stl", "ply", "glb", "csv", "json", "svg", "pdf", "fold", "html")
 """Formats of `export.formats` and npz, which are the files' suffixes as well."""
 SCRIPTS = ("slurm",)
-"""Kinds of `sweeps.script.SCRIPTS`."""
+"""Schedulers that `ribbon sweep --script` writes for."""

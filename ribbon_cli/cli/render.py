@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ribbon_cli import digits, study, sweeps
 from ribbon_cli.export.words import MEETS_ITSELF, linking_name
@@ -15,6 +15,9 @@ from ribbon_cli.parts import HALF_WIDTH, PARAMETERS
 from ribbon_cli.store import StateRecord, Summary, varying
 from ribbon_cli.store.events import Event, Removed
 from ribbon_cli.text import aligned, ranges, visible
+
+if TYPE_CHECKING:
+    pass
 
 MISSING = "-"
 

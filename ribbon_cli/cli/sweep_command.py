@@ -8,10 +8,9 @@ from contextlib import contextmanager, nullcontext
 
 import click
 
+from ribbon_cli import api, store, sweeps
 from ribbon_cli import config as configs
-from ribbon_cli import store, sweeps
 from ribbon_cli.api.names import SCRIPTS
-from ribbon_cli.api.sweep_console import sweep_console
 from ribbon_cli.cli.completion import complete_file, complete_words
 from ribbon_cli.cli.numbers import whole
 from ribbon_cli.cli.output import complain, emit, emit_json, say, teller
@@ -107,7 +106,11 @@ def _chosen(settings: Settings, loaded: configs.Sweep, text: str | None) -> rang
 @contextmanager
 def _progress(settings: Settings) -> Iterator[Callable[[sweeps.SweepEvent], object]]:
     """The progress of a sweep; where users want quiet, bugs are still shown to those who debug."""
-    with nullcontext() if settings.quiet else sweep_console(settings.verbose, complain) as shown:
+    with (
+        nullcontext()
+        if settings.quiet
+        else api.sweep_console.sweep_console(settings.verbose, complain) as shown
+    ):
 
         def watch(event: sweeps.SweepEvent) -> None:
             if shown is not None:
