@@ -23,14 +23,15 @@ PIP := $(BIN)/python -m pip -qq --disable-pip-version-check
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 FIGURES := $(addprefix figure-3.,1 2 3 4 5 6 7 8 9 10 11 12 13 14)
-.PHONY: help setup table-3.1 paper $(FIGURES) gallery checkerboard everted-cylinder everted-moebius docs
+.PHONY: help setup table-3.1 paper $(FIGURES) gallery bifurcation checkerboard everted-cylinder everted-moebius docs
 .PHONY: test test-long test-docs test-minimum test-package test-browser test-readers test-peers test-large test-branches test-faults test-auto lint bench same-as clean
 
 help: ## list the targets
-	@sed -n 's/^\([a-z][a-z0-9.-]*\):.*## \(.*\)/make \1|\2/p' Makefile | awk -F'|' '{printf "%-17s %s\n", $$1, $$2}'
-	@printf '%-17s %s\n' 'make figure-3.8' 'make one figure of chapter 3: 3.1 to 3.14'
+	@sed -n 's/^\([a-z][a-z0-9.-]*\):.*## \(.*\)/make \1|\2/p' Makefile | awk -F'|' '{printf "%-23s %s\n", $$1, $$2}'
+	@printf '%-23s %s\n' 'make figure-3.8' 'make one figure of chapter 3: 3.1 to 3.14'
 
 setup: $(READY) ## make .venv with ribbon in it: .venv/bin/ribbon
+	$(if $(filter setup,$(MAKECMDGOALS)),@echo "ribbon is installed; to use it in this shell: . $(BIN)/activate" >&2)
 
 table-3.1: setup ## solve the pi-bands of Table 3.1 and print it beside the published numbers
 	@$(BIN)/python -m paper $@
@@ -52,6 +53,10 @@ $(FIGURES): setup
 
 gallery: setup ## draw the pictures of the documentation: docs/gallery/
 	@sh docs/gallery/draw.sh $(BIN)/ribbon
+
+bifurcation: setup ## draw the bifurcation diagram of a sheared strip: docs/gallery/bifurcation.png
+	@$(BIN)/ribbon -q solve configs/strips/shear-branches.yaml > /dev/null
+	@$(BIN)/ribbon -q plot strip-shear-branches branch -o docs/gallery/bifurcation.png --overwrite
 
 # Sphinx takes pages as they are, here and in findings; a warning, such as of a link that leads nowhere, is an error.
 docs: $(READY_DOCS) ## build the documentation as a site: build/site/index.html
@@ -181,7 +186,7 @@ $(BIN)/python -m pip --version > /dev/null 2>&1 || { \
 		echo "ribbon needs Python 3.11 or later, and '$(PYTHON)' is none: name one, as in 'make PYTHON=python3.12 $(or $(MAKECMDGOALS),setup)'" >&2; \
 		exit 1; \
 	}; \
-	echo "setting up $(VENV), once" >&2; \
+	echo "setting up $(VENV), once, in about a minute" >&2; \
 	$(PYTHON) -m venv --clear $(VENV); \
 }
 endef

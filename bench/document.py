@@ -8,6 +8,7 @@ from .compare import Comparison, Row
 from .machine import machine, versions
 from .refinements import Refinement, Way
 from .single import Memory, Single
+from .strip_run import HALF_WIDTH, PEERS, SPAN, ShearPath, Strips
 
 
 @dataclass(frozen=True)
@@ -24,6 +25,7 @@ class Measured:
     large: dict[int, float]
     memory: list[Memory]
     refinements: list[Refinement]
+    strips: Strips
     repeats: int
 
 
@@ -40,6 +42,7 @@ def document(measured: Measured) -> str:
         _singles(measured),
         _large(measured),
         _refinements(measured.refinements),
+        _strips(measured.strips),
     )
     return "\n\n".join(parts) + "\n"
 
@@ -64,7 +67,23 @@ def rules(measured: Measured) -> list[Rule]:
     if 3200 in measured.large:
         seconds = measured.large[3200]
         out.append((f"N = 3200 from N = 1600 within a second: {seconds:.2f} s", seconds < 1))
-    return out
+    return out + _strip_rules(measured.strips)
+
+
+def _strip_rules(strips: Strips) -> list[Rule]:
+    cost = max(strips.cost.ratio(rule) for rule in strips.cost.strips)
+    path = strips.paths[0]
+    return [
+        (
+            f"a strip's Newton step at most 1.1 times a band's at N = {strips.cost.segments}: {cost:.2f}",
+            cost <= 1.1,
+        ),
+        (
+            f"1.5 times faster than the peer along {len(path.steps)} steps of a strip's shear, by the "
+            f"{path.rule} rule: {path.least:.2f}",
+            path.least >= 1.5,
+        ),
+    ]
 
 
 def _slower(row: Row) -> bool:
@@ -238,6 +257,55 @@ squares, and the most at any step. Steps are those of all grid phases tried; the
 In all {smooth} steps, {split} by splitting. Where splitting ends elsewhere than on the minimum, it says so.
 
 {_table(head, lines)}"""
+
+
+def _strips(strips: Strips) -> str:
+    cost = strips.cost
+    costs = [("closed band", f"{1000 * cost.band:.2f}", "")]
+    costs += [(f"strip, {r} rule", f"{1000 * s:.2f}", f"{cost.ratio(r):.2f}") for r, s in cost.strips.items()]
+    totals = []
+    for path in strips.paths:
+        for peer in PEERS:
+            ours, theirs = path.seconds(peer)
+            found = f"{len(path.common(peer))} of {len(path.steps)}"
+            totals.append((path.rule, peer, found, f"{ours:.2f}", f"{theirs:.2f}", f"{path.ratio(peer):.2f}"))
+    first, last = strips.paths[0], strips.paths[0].steps[-1]
+    return f"""## Strips between clamps
+
+Seconds of the processor; medians in turn. One Newton step at N = {cost.segments}: derivatives, matrix,
+factors and solution.
+
+{_table(("", "ms", "ratio to the band's"), costs)}
+
+A strip at span {SPAN:g} l, b = {HALF_WIDTH:g} l, is sheared to {last.shear:g} l at N = {first.segments},
+in {len(first.steps)} equal steps; `bench/strips.py` is the peer's problem. Each step begins for both at our
+certified state of the step before. Ours has its multipliers, and holds the certificate, the guard of Tw + Wr
+and the check that the branch was kept. The peer begins without multipliers, which it then estimates, and with
+ours. Passes of the path: {strips.repeats}. Sums are over the steps that both end on the same equilibrium. The
+path stops short of a shear of 0.2 l, where the branch loses its stability: beyond, the two end on different
+states. Required is the ratio under the first rule, the default, with the peer at its best. What the peer
+loses, it loses in the first steps; a later one takes it about as long as us with all our checks.
+
+{_table(("rule", "peer", "same equilibrium", "ours, s", "peer, s", "ratio"), totals)}
+
+{_shear_steps(strips.paths)}"""
+
+
+def _shear_steps(paths: list[ShearPath]) -> str:
+    head = ["shear"]
+    for path in paths:
+        head += [f"{path.rule}: ours", *(f"peer {peer}" for peer in PEERS)]
+    lines = []
+    for steps in zip(*(path.steps for path in paths), strict=True):
+        line = [f"{steps[0].shear:g}"]
+        for step in steps:
+            line.append(f"{_ms(step.ours.seconds)} / {step.ours.iterations}")
+            for peer in PEERS:
+                found = step.peers[peer]
+                elsewhere = "" if found.same else " (elsewhere)"
+                line.append(f"{_ms(found.seconds)} / {found.iterations}{elsewhere}")
+        lines.append(tuple(line))
+    return f"Milliseconds and Newton steps or iterations:\n\n{_table(tuple(head), lines)}"
 
 
 def _way(way: Way) -> tuple[str, str, str, str]:

@@ -16,13 +16,15 @@ from .document import Measured, document, rules
 from .ours import Table, twisted_guess
 from .refinements import refinements
 from .single import chain, memory, prolonged, single
+from .strip_run import STEPS, measure_strips
 
 DOCUMENT = Path(__file__).parents[1] / "docs" / "benchmarks.md"
 
 
 @dataclass(frozen=True)
 class Size:
-    """How much is measured: the table, its runs, repeats of solves at `half_width` by N, memory."""
+    """How much is measured: the table, its runs, repeats of solves at `half_width` by N, memory, and strips:
+    segments and steps of the path."""
 
     widths: tuple[float, ...]
     levels: tuple[int, ...]
@@ -30,10 +32,19 @@ class Size:
     half_width: float
     singles: dict[int, int]
     memory: tuple[int, ...]
+    strips: tuple[int, int]
 
 
-FULL = Size(peer.WIDTHS, peer.LEVELS, 3, 0.5, {50: 15, 200: 15, 800: 7, 3200: 3}, (800, 1600, 3200, 6400))
-QUICK = Size((0.1, 0.2), (50, 100), 1, 0.2, {50: 1, 100: 1}, (100,))
+FULL = Size(
+    peer.WIDTHS,
+    peer.LEVELS,
+    3,
+    0.5,
+    {50: 15, 200: 15, 800: 7, 3200: 3},
+    (800, 1600, 3200, 6400),
+    (200, STEPS),
+)
+QUICK = Size((0.1, 0.2), (50, 100), 1, 0.2, {50: 1, 100: 1}, (100,), (50, 3))
 
 
 def measure(size: Size) -> Measured:
@@ -58,7 +69,8 @@ def measure(size: Size) -> Measured:
         grown.append(memory(prolonged(states[n // 2], n)))
     both = refinements(reached, size.levels, _say)
     large = {n: r.seconds for n, r in fine.items()}
-    return Measured(comparison, singles, size.half_width, large, grown, both, size.runs)
+    strips = measure_strips(states[size.levels[-1]], *size.strips, size.runs, _say)
+    return Measured(comparison, singles, size.half_width, large, grown, both, strips, size.runs)
 
 
 def _before(reached: Table, size: Size) -> State:

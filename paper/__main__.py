@@ -42,7 +42,7 @@ def main(words: list[str] | None = None) -> int:
         _say(f"ribbon: {error}")
         return error.exit_code
     except KeyboardInterrupt:
-        _say("ribbon: interrupted: everything committed is kept, and the same line again resumes")
+        _say("ribbon: interrupted: everything committed is kept, and the same command resumes")
         return INTERRUPTED
 
 

@@ -312,9 +312,9 @@ def test_a_state_outside_of_a_run_is_drawn_and_not_refined(stored, tmp_path):
     assert isinstance(state, OpenState)
     assert state.run is None
     assert repr(state).startswith("<state state 2, b = 1, N = 10")
-    with pytest.raises(UsageError, match="not in a run, and what refine makes joins"):
+    with pytest.raises(UsageError, match="not in a run: refine adds its results"):
         state.refine(20)
-    with pytest.raises(UsageError, match="not in a run, and what follow makes joins"):
+    with pytest.raises(UsageError, match="not in a run: follow adds its results"):
         state.follow(2.0)
 
 
@@ -393,7 +393,14 @@ def test_an_export_is_that_of_the_command(solved, tmp_path):  # noqa: F811
         state.export(tmp_path / "band")
     with pytest.raises(UsageError, match="--thickness does nothing for obj"):
         state.export(tmp_path / "band.obj", thickness=2.0)
+    with pytest.raises(UsageError, match="its suffix is that of the format obj, and stl is asked for"):
+        state.export(tmp_path / "band.obj", format="stl")
     assert state.export(tmp_path / "band", format="csv").format == "csv"
+    with pytest.raises(UsageError, match=r"no parameter 'n'; did you mean N\?"):
+        run.at(n=24)
+    command = ribbon("export", "mobius@b=0.2,N=24", "-o", tmp_path / "suffix.npz", "--runs", solved)
+    assert command.exit_code == 0
+    assert (tmp_path / "suffix.npz").read_bytes() == (tmp_path / "own.npz").read_bytes()
 
 
 def test_a_band_that_meets_itself_is_warned_of(stored, tmp_path):

@@ -41,7 +41,7 @@ REASONS = {
         study.solve._Study._levels study.solve._Study._missed study.solve._Study._words study.solve._known
         plot.kinds._one_parameter plot.levels.PlacedAt plot.labels.parameter_column
         plot.labels.Placed.parameters study.stepping._stage study.stepping.moved study.stepping.step_to
-        study.walk.Stage""",
+        study.walk.Stage analysis.stability._others report.spectra.StateSpectrum""",
     "functions by the name that a user gives": "report.tables plot.kinds",
     "keywords and settings of matplotlib": """
         plot.canvas.Figure._repr_png_ plot.curves._formulas plot.figure.image plot.levels._mark
@@ -53,6 +53,8 @@ REASONS = {
         export.gltf._layout""",
     "JSON, made of records where it is written": """
         study.status.Standing.to_dict report.spectra.Told.document export.viewer._state
+        report.spectra.StateSpectrum.document report.spectra.RunSpectra.document
+        report.spectra.SpectralTable.document
         cli.compare_command.pairs_answer cli.compare_command.pair_document
         cli.continuum_command._show_state cli.continuum_command._show_run cli.plot_command._mode_document
         cli.solve_commands.conclude cli.store_commands._spectra cli.verify_command.document""",

@@ -180,7 +180,7 @@ def test_natural_continuation_stops_before_the_fold(given, monkeypatch, to):
     document = ribbon_json("continue", "one:1", "--to", to, *given, code=3)
     assert document["end"]["reason"] == "step-too-small"
     assert "seems to turn back (fold) near b = 0.112" in document["end"]["message"]
-    assert "--arclength goes on around folds" in document["end"]["message"]
+    assert "--arclength continues around folds" in document["end"]["message"]
     assert document["end"]["half_width"] < FOLD
     assert document["points"][-1]["half_width"] == document["end"]["half_width"] > 0.11
     assert {point["status"] for point in document["points"]} == {"minimum"}

@@ -47,9 +47,13 @@ def test_init_never_overwrites(tmp_path):
 
 
 def test_init_lists_templates_and_near_misses():
-    assert ribbon("init", "--list").stdout.split() == list(templates())
+    lines = ribbon("init", "--list").stdout.splitlines()
+    assert [line.split()[0] for line in lines] == list(templates())
+    assert "strip             A strip clamped at both ends, buckled, then sheared and widened" in lines
+    assert all(len(line) <= 120 for line in lines)
     assert ribbon_json("init", "--list") == list(templates())
     assert "no template 'rings'; did you mean ring?" in ribbon("init", "rings").stderr
+    assert "no template '3pi'; did you mean mobius-3pi?" in ribbon("init", "3pi").stderr
     result = ribbon("init", "zzz")
     assert result.exit_code == 2
     assert (

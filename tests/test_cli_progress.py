@@ -78,6 +78,21 @@ def test_stages_without_a_step_share_a_line(stderr):
     ]
 
 
+def test_stages_of_an_unknown_number_are_counted_without_it(stderr):
+    stream = stderr(io.StringIO())
+    shown = module.Lines()
+    for index in (1, 2, 3):
+        shown(Stage(f"branch from 8 up, step {index}", index, 0, 0.5, 50))
+        shown(Step(index - 1, 1.0, 1e-12, 0.5, "shear = 0.12" if index == 3 else ""))
+    shown.done()
+    assert ": b = 0.5, shear = 0.12, N = 50: E = " in stream.getvalue().splitlines()[2]
+    assert [line.split(":")[0] for line in stream.getvalue().splitlines()] == [
+        "[1] branch from 8 up, step 1",
+        "[2] branch from 8 up, step 2",
+        "[3] branch from 8 up, step 3",
+    ]
+
+
 def test_verbose_lines_show_every_step(stderr):
     stream = stderr(io.StringIO())
     play(Settings(verbose=True))

@@ -82,7 +82,7 @@ def test_a_pack_is_not_written_over_nor_unpacked_over(folder):
     assert ribbon("pack", "frozen", "-o", "shared.h5", "--overwrite").exit_code == 0
     result = ribbon("unpack", "shared.h5")
     assert result.exit_code == 2
-    assert "is there already" in result.stderr
+    assert "exists already" in result.stderr
 
 
 def test_a_damaged_run_is_not_packed(folder):

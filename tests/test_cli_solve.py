@@ -10,6 +10,7 @@ import sys
 import time
 import weakref
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -93,6 +94,14 @@ def test_solve_prints_a_table_of_targets(scripted):
     assert calls[1][1]["fresh"] is True
 
 
+def test_targets_are_told_by_all_parameters_that_a_schedule_moves(scripted):
+    places = ("b = 0.5, shear = 0.1", "b = 0.5, shear = 0.2")
+    scripted(replace(reached(1, 50), place=places[0]), replace(MISSED, place=places[1]))
+    lines = ribbon("solve", "mobius.yaml").stdout.splitlines()
+    assert [line[:22].rstrip() for line in lines] == ["place", *places]
+    assert "not reached" in lines[2]
+
+
 def test_solve_prints_one_json_document(scripted):
     scripted(reached(1, 50), MISSED, failures=("b = 0.8, N = 50: stalled",))
     for more in ((), ("-q",), ("-v",)):
@@ -158,7 +167,7 @@ def test_interruptions_say_what_is_kept(scripted, number, code, words):
     result = ribbon(*words, "-q")
     assert (result.exit_code, result.stdout) == (code, "")
     name = signal.Signals(number).name
-    kept = "everything committed is kept, and the same line again resumes"
+    kept = "everything committed is kept, and the same command resumes"
     assert result.stderr == f"ribbon: interrupted by {name}: {kept}\n"
 
 

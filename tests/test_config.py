@@ -291,6 +291,8 @@ def test_a_missing_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None
     assert file_problem("nothing.yaml") == "nothing.yaml: no such file"
     Path("mobius-pi.yaml").write_text(GOOD)
     assert file_problem("mobius.yaml") == "mobius.yaml: no such file: did you mean mobius-pi.yaml?"
+    Path("pi.yaml").write_text(GOOD)
+    assert file_problem("pi") == "pi: no such file: did you mean pi.yaml?"
     assert file_problem("a\nb\0.yaml") == "'a\\nb\\x00.yaml': cannot be read: embedded null byte"
 
 

@@ -220,7 +220,7 @@ def schoenke(half_twists: int, segments: int, half_width: float) -> str:
         ),
         (
             changed("[0.1, 0.2, 0.5, 0.8, 1.0, 1.5]", "{from: 0.1, to: 0.10000001, steps: 9999}"),
-            "mobius.yaml:6:44: widths.steps: must leave the widths apart, got 9999: take fewer",
+            "mobius.yaml:6:44: widths.steps: must keep the widths distinct, got 9999: take fewer",
         ),
         (
             changed("[0.1, 0.2, 0.5, 0.8, 1.0, 1.5]", "{from: 0.1, to: 1, steps: 10000}"),
@@ -292,7 +292,7 @@ def schoenke(half_twists: int, segments: int, half_width: float) -> str:
                 "{recipe: twist, segments: 50, half_width: 0.1, steps: 50}",
                 "{recipe: twist, segments: 50, half_width: 0.1, state: x:1}",
             ),
-            "mobius.yaml:5:63: initial_guess.state: cannot stand beside a recipe: keep one of the two",
+            "mobius.yaml:5:63: initial_guess.state: cannot be combined with a recipe: keep one of the two",
         ),
     ],
 )
@@ -390,7 +390,7 @@ def test_missing_sections_are_named() -> None:
 def test_a_stem_that_cannot_name_a_run() -> None:
     rule = "give 1 to 64 of the characters A-Z a-z 0-9 . _ - and begin with a letter or digit"
     assert problems_of(MINIMAL, "x/my band.yaml") == [
-        f"x/my band.yaml:1:1: name: is missing, and the file's 'my band' cannot stand for it: {rule}"
+        f"x/my band.yaml:1:1: name: is missing, and the file's 'my band' cannot be used for it: {rule}"
     ]
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 import yaml
@@ -11,7 +12,7 @@ from config_samples import GOOD, MINIMAL, STRIP, problems_of
 
 from ribbon_cli.config import Leg, dump_resolved, parse_config, templates
 from ribbon_cli.parts import CLOSED, Ends, Loads, Material, Parts
-from ribbon_cli.study import plan_of
+from ribbon_cli.study import plan_of, solve_config
 from ribbon_cli.study.plan import Goal, goals
 
 RING = "topology: {half_twists: 0}\ninitial_guess: {recipe: cylinder, segments: 50, half_width: 0.1}\n"
@@ -197,7 +198,7 @@ MISTAKES = [
     ),
     (
         STRIP + "widths: [0.1]\nschedule: [{half_width: 0.1}]\n",
-        "6:11: schedule: cannot stand beside widths, its short form: keep one of the two",
+        "6:11: schedule: cannot be combined with widths, its short form: keep one of the two",
     ),
     (
         STRIP + "schedule: [{shaer: 0.1}]\n",
@@ -221,7 +222,7 @@ MISTAKES = [
     ),
     (
         STRIP + "schedule: [{shear: {to: 0.1, steps: 2}, lift: {to: 0.1, steps: 3}}]\n",
-        "5:47: schedule[0].lift: takes 3 steps and shear 2: what moves in one leg moves together",
+        "5:47: schedule[0].lift: takes 3 steps and shear 2: the parameters of one leg move together",
     ),
     (
         STRIP + "schedule: [{shear: 0.3}, {shear: 0.8}]\n",
@@ -371,4 +372,12 @@ def test_a_given_state_may_begin_a_schedule() -> None:
 def test_the_template_is_the_one_of_the_documentation() -> None:
     assert yaml.safe_load(templates()["strip"])["topology"] == "open"
     found = config(templates()["strip"])
-    assert len(plan_of(found).stages) == 1 + 15 + 2 + 1 + 2
+    assert len(plan_of(found).stages) == 1 + 5 + 2 + 1 + 2
+
+
+@pytest.mark.slow
+def test_the_template_of_a_strip_reaches_all_that_it_asks_for(tmp_path: Path) -> None:
+    outcome = solve_config(config(templates()["strip"]), tmp_path)
+    assert outcome.exit_code == 0
+    assert len(outcome.targets) == 10
+    assert outcome.notes == ()

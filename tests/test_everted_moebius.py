@@ -157,7 +157,7 @@ def test_a_minimum_may_be_kept_too() -> None:
         (
             "{state: a.npz, saddle: keep}",
             "m.yaml:2:16: initial_guess.saddle: keep goes with a branch, widths: {arclength: {to: ...}}: "
-            "other schedules pass among minima",
+            "other schedules go from minimum to minimum",
         ),
         (
             "{state: a.npz, saddle: kept}",
@@ -165,8 +165,8 @@ def test_a_minimum_may_be_kept_too() -> None:
         ),
         (
             "{recipe: twist, segments: 50, half_width: 0.1, saddle: keep}",
-            "m.yaml:2:63: initial_guess.saddle: goes with a state, {state: ..., saddle: keep}: what a recipe "
-            "leads to is not kept as one",
+            "m.yaml:2:63: initial_guess.saddle: goes with a state, {state: ..., saddle: keep}: the "
+            "result of a recipe is not kept as one",
         ),
     ],
 )

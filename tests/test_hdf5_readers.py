@@ -147,7 +147,7 @@ def test_an_old_pack_gives_its_run_still(tmp_path, monkeypatch):
     assert ribbon("verify", "all").exit_code == 0
     result = ribbon("show", str(OLD_PACK))
     assert result.exit_code == 4
-    assert "a packed run, no state: `ribbon unpack`" in result.stderr
+    assert "a packed run, not a state: `ribbon unpack`" in result.stderr
     ribbon_json("pack", "frozen-branch", "-o", "new.h5")
     with h5py.File("new.h5") as file:
         assert file.attrs["format_version"] == b"1.1"

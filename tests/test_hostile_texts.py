@@ -229,7 +229,7 @@ def test_what_is_no_state_is_called_what_it_is(folder, command):
     with h5py.File("c.h5", "w") as file:
         file["x"] = 1.0
     for path, words in (
-        ("a.h5", "a packed run, no state: `ribbon unpack`"),
+        ("a.h5", "a packed run, not a state: `ribbon unpack`"),
         ("log.jsonl", "as the log of a run: name the run"),
         ("b.h5", "an npz file is read when its name ends in .npz"),
         ("c.h5", "damaged, or not a state file: the root attribute 'format' is missing"),

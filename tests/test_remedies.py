@@ -56,7 +56,7 @@ def test_a_band_that_is_wide_open_is_refused_with_the_number(opened):
     result = ribbon("check", "band.yaml")
     assert result.exit_code == 2
     assert (
-        "open.npz: not a closed band: its ends are 0.025 of its length apart, and up to 0.01 is mended"
+        "open.npz: not a closed band: its ends are 0.025 of its length apart, and up to 0.01 is closed"
         in result.stderr
     )
     assert "band.yaml:3:24: initial_guess.state: " in result.stderr

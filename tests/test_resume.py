@@ -42,7 +42,7 @@ def interrupt(folder: Path, number: int, wanted: int, delay: float) -> int:
         process.send_signal(number)
         _, stderr = process.communicate(timeout=60)
     if number != signal.SIGKILL and process.returncode:
-        assert "everything committed is kept, and the same line again resumes" in stderr
+        assert "everything committed is kept, and the same command resumes" in stderr
     return process.returncode
 
 

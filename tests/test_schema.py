@@ -108,7 +108,7 @@ def test_every_sample_is_accepted(text: str) -> None:
 
 
 BEYOND = re.compile(
-    "duplicate key|must differ|does not fit the topology|must leave the widths apart|the guess's segments"
+    "duplicate key|must differ|does not fit the topology|must keep the widths distinct|the guess's segments"
     "|twice the level before|must be one of the widths|half-twists, got|half-twists meet"
     "|the band's length|'6.28' .in quotes|got 50.0$"
 )
@@ -321,7 +321,7 @@ def test_continue_tells_the_same_defaults_and_events() -> None:
     """Its options are a branch's keys by another door; the command's module loads no config to say so."""
     text = " ".join(ribbon("continue", "--help").stdout.split())
     assert f"Longest step along the branch ({Arclength.max_step})." in text
-    assert f"Steps at most ({Arclength.steps})." in text
+    assert f"Largest number of steps ({Arclength.steps})." in text
     assert f"[{'|'.join(STOPS)}]" in text
 
 

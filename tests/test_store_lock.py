@@ -207,4 +207,4 @@ def test_a_pid_used_again_is_not_taken_for_the_holder(tmp_path):
     (run.path / "lock.holder").write_text(json.dumps(note))
     assert run.holder() is None
     with run.writing():
-        assert "ended without letting go of the run" in run.remarks[0]
+        assert "ended without releasing the run" in run.remarks[0]

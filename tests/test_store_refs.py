@@ -99,7 +99,7 @@ def test_runs_are_found_by_path(root):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("twin", "'twin' names more than one run: twin-00000001, twin-00000002"),
+        ("twin", "more than one run: twin-00000001, twin-00000002; write more of its name; `ribbon check"),
         ("mob", "'mob' names more than one run: mobius-pi-0123abcd, mobius-pi-wide-0123abcd"),
         ("mobiuspi", "no run 'mobiuspi' in .*; did you mean mobius-pi"),
         ("zzz", "no run 'zzz' in .*: it has mobius-pi-0123abcd, "),

@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 from cli_support import ribbon, ribbon_json
+from picture_support import states_of
 from store_support import make_record
+from strip_runs import CANTILEVER, strips
 
 import ribbon_cli
 from ribbon_cli.analysis import run_table
@@ -26,6 +28,7 @@ from ribbon_cli.store.summaries import varying
 from ribbon_cli.study import solve_config
 from ribbon_cli.study.records import state_of
 
+__all__ = ["strips"]
 PARTS = Parts(
     Ends("hinged", "clamped", 0.75, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6),
     Material(1.5, 0.25),
@@ -337,3 +340,34 @@ def test_a_given_state_is_of_the_config_s_kind(run: Run, tmp_path: Path) -> None
         with pytest.raises(ConfigError, match=said):
             solve_config(parse_config(text, tmp_path / "c.yaml"), tmp_path)
     assert state_of(strip()).band.parts == PARTS
+
+
+@pytest.mark.parametrize("form", ["npz", "h5"])
+def test_a_strip_goes_on_from_a_given_state_of_its_problem(strips: Path, tmp_path: Path, form: str) -> None:
+    """The state is the start's minimum already, clamps, rule and loads with it, and the schedule leads on."""
+    given = states_of(strips, "cantilever")[-1]
+    export_npz(given, tmp_path / "given.npz")
+    (tmp_path / "given.h5").write_bytes(encode(given))
+    text = CANTILEVER.partition("initial_guess")[0].replace("0.1", "{force}")
+    text += f"initial_guess: {{state: given.{form}}}\nschedule: [{{end_force_y: 0.25}}]\n"
+    outcome = solve_config(parse_config(text.replace("{force}", "0.2"), tmp_path / "c.yaml"), tmp_path)
+    first, last = outcome.run.states()
+    assert (first.energy, first.certified) == (pytest.approx(given.energy, rel=1e-12), True)
+    assert (last.parameters["end_force_y"], last.certified) == (0.25, True)
+    with pytest.raises(
+        ConfigError, match=r"loads.end_force = \[0, 0.2, 0\], where the config says \[0, 0.1, 0\]"
+    ):
+        solve_config(parse_config(text.replace("{force}", "0.1"), tmp_path / "c.yaml"), tmp_path)
+
+
+def test_a_given_closed_band_takes_the_natural_curvature_of_the_config(tmp_path: Path) -> None:
+    text = "topology: {half_twists: 0}\ninitial_guess: {recipe: cylinder, segments: 24, half_width: 0.1}\n"
+    ring = solve_config(parse_config(f"name: ring\n{text}", tmp_path / "c.yaml"), tmp_path).run.load(1)
+    export_npz(ring, tmp_path / "ring.npz")
+    text = "name: curved\ntopology: {half_twists: 0}\nmaterial: {natural_curvature: 0.5}\n"
+    text += "initial_guess: {state: ring.npz}\n"
+    (found,) = solve_config(parse_config(text, tmp_path / "c.yaml"), tmp_path).run.states()
+    assert found.parameters == {"half_width": 0.1, "natural_curvature": 0.5}
+    d, h = 2 * np.pi / 24, 2 * np.pi / 24
+    exact = 24 * 0.1 * ((1 - np.cos(d)) / h - 0.5 * np.sin(d) + h * 0.125)
+    assert found.energy == pytest.approx(exact, rel=1e-12)

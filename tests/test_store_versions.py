@@ -14,6 +14,7 @@ from store_support import relative_files
 
 from ribbon_cli.facts import EVENTS, UNKNOWN, kind_of
 from ribbon_cli.model.geometry import geometry
+from ribbon_cli.parts import Ends, Loads, Material, Parts
 from ribbon_cli.store import FORMAT_VERSION, Run, content_sha256, decode, encode
 from ribbon_cli.store.folder import RUN_FORMAT_VERSION
 from ribbon_cli.store.hdf5 import decode_bytes
@@ -27,27 +28,31 @@ VERSIONS = sorted(path.name.removeprefix("format-") for path in DATA.glob("forma
 IN_TWO = DATA / "format-1.1" / "in-two-pieces.h5"
 
 
-def frozen(version: str) -> Path:
-    """The run that a version wrote."""
-    (folder,) = (path for path in (DATA / f"format-{version}").iterdir() if path.is_dir())
+RUNS = sorted(path for path in DATA.glob("format-*/*") if path.is_dir())
+
+
+def frozen(version: str, name: str = "") -> Path:
+    """The run that a version wrote, of that name where it wrote several."""
+    (folder,) = (path for path in RUNS if path.parent.name == f"format-{version}" and name in path.name)
     return folder
 
 
-@pytest.fixture(params=VERSIONS)
+@pytest.fixture(params=RUNS, ids=lambda path: f"{path.parent.name}-{path.name}")
 def folder(request, tmp_path, monkeypatch) -> Path:
     """A copy of such a run in ./runs."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.delenv("RIBBON_RUNS", raising=False)
-    run = frozen(request.param)
+    run = request.param
     shutil.copytree(run, tmp_path / "runs" / run.name)
     return tmp_path / "runs" / run.name
 
 
 def test_there_is_a_frozen_run_of_every_version_up_to_this_one():
-    assert VERSIONS == ["1.0", "1.1", "1.2"]
-    assert FORMAT_VERSION == RUN_FORMAT_VERSION == "1.3"  # of which none is frozen before it is final
-    for version in VERSIONS:
-        heads = {head_version(path.read_bytes()) for path in frozen(version).glob("states/*.h5")}
+    assert VERSIONS == ["1.0", "1.1", "1.2", "1.3"]
+    assert VERSIONS[-1] == FORMAT_VERSION == RUN_FORMAT_VERSION
+    for run in RUNS:
+        heads = {head_version(path.read_bytes()) for path in run.glob("states/*.h5")}
+        version = run.parent.name.removeprefix("format-")
         assert heads == {None if version == "1.0" else version}
 
 
@@ -133,6 +138,22 @@ def test_what_the_branch_of_1_1_says():
     assert record.events == ("reached b = 0.11",)
 
 
+def test_what_the_strip_and_the_curved_ring_of_1_3_say():
+    """All of a strip's problem, its reactions, and the closed form of a ring with natural curvature."""
+    strip = Run.open(frozen("1.3", "strip")).load(2)
+    assert strip.parts == Parts(
+        Ends(end="hinged", span=0.75, shear=0.02),
+        Material(0.5, 0.3),
+        Loads(gravity=2.0, point_force=(0.0, 0.01, 0.0)),
+    )
+    assert (strip.energy, strip.bending_energy) == (0.3301333539445556, 0.3020616759011883)
+    np.testing.assert_allclose(strip.reaction_moment[2], 0.0, atol=1e-12)
+    ring = Run.open(frozen("1.3", "curved")).load(1)
+    assert (ring.parts, ring.parameters["natural_curvature"]) == (Parts(material=Material(0.5)), 0.5)
+    d = 2 * np.pi / 10
+    assert ring.energy == pytest.approx((1 - np.cos(d)) / d - 0.5 * np.sin(d) + d * 0.125, rel=1e-12)
+
+
 def test_what_the_band_in_two_pieces_of_1_1_says():
     record = decode(IN_TWO)
     assert (record.cut_node, record.status, record.kind) == (9, "constructed", "auxiliary")
@@ -144,8 +165,8 @@ def test_what_the_band_in_two_pieces_of_1_1_says():
 def test_events_of_every_version_have_kinds():
     """Files of 1.0 and 1.1 have sentences alone, of which the words are known."""
     known = {}
-    for version in VERSIONS:
-        run = Run.open(frozen(version))
+    for path in RUNS:
+        run, version = Run.open(path), path.parent.name.removeprefix("format-")
         for state in run.states(all=True):
             assert run.load(state.label).event_kinds == state.event_kinds
             known.setdefault(version, []).extend(state.event_kinds)
@@ -153,6 +174,7 @@ def test_events_of_every_version_have_kinds():
         "1.0": ["saddle-left"],
         "1.1": ["width-reached"],
         "1.2": ["turn-halved", "turn-halved", "saddle-left"],
+        "1.3": [],
     }
 
 

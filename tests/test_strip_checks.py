@@ -117,6 +117,34 @@ def test_modes_of_a_strip_slide_and_turn_nowhere(strips: Path, name: str) -> Non
     np.testing.assert_allclose(np.abs(characters), 1.0, atol=1e-6)
 
 
+def test_spectra_name_the_problem_and_have_no_column_of_sliding(strips: Path) -> None:
+    text = ribbon("spectrum", "sheared:3", "--modes", "2", "--runs", strips).stdout
+    assert text.startswith("b = 0.05, span = 0.75, shear = 0.06, N = 20, value-average; ")
+    assert "sliding" not in text
+    assert ribbon_json("spectrum", "sheared:3", "--runs", strips)["parameters"]["shear"] == 0.06
+    (branch,) = run_named(strips, "branch").path.parent.glob("branch-*")
+    assert "sliding" not in ribbon("show", branch.name, "--runs", strips).stdout
+
+
+def test_targets_of_a_schedule_are_told_by_their_place(strips: Path, tmp_path: Path) -> None:
+    (tmp_path / "sheared.yaml").write_text(SHEARED)
+    text = ribbon("solve", tmp_path / "sheared.yaml", "-q", "--runs", strips).stdout
+    rows = [line.strip().partition("  ")[0] for line in text.splitlines()]
+    first, second, last = (f"b = {b}, shear = {s}" for b, s in ((0.05, 0.03), (0.05, 0.06), (0.06, 0.06)))
+    assert rows == ["place", first, second, second, last, last]
+
+
+def test_spectra_under_refinement_do_not_mix_problems(strips: Path) -> None:
+    """Two values of the shear at one half-width have a table each."""
+    told = ribbon_json("spectrum", "sheared", "--convergence", "--modes", "1", "--runs", strips)
+    first = [s for s in told["sequences"] if (s["label"], s["number"]) == ("mode", 1)]
+    places = [(s["half_width"], s["parameters"]["shear"], s["segments"]) for s in first]
+    assert places[1:] == [(0.05, 0.03, [20]), (0.05, 0.06, [20, 40]), (0.06, 0.06, [20, 40])]
+    assert places[0][:2] == (0.05, 0.0)
+    text = ribbon("spectrum", "sheared", "--convergence", "--modes", "1", "--runs", strips).stdout
+    assert "b = 0.05, shear = 0.03, physical metric" in text
+
+
 def test_an_image_is_the_same_state(strips: Path) -> None:
     """Buckled to the other side it is the same by a half-turn that swaps the ends."""
     first = states_of(strips, "branch")[-1]
@@ -183,9 +211,12 @@ def test_a_strip_goes_through_pack_rm_unpack_and_rerun(strips: Path, tmp_path: P
     assert ribbon("rm", "cantilever", "--runs", other, "--yes").exit_code == 0
 
 
-def test_killed_and_resumed_a_strip_ends_with_the_same_bytes(strips: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("counts", [(2,), pytest.param((1, 3), marks=pytest.mark.long)])
+def test_killed_and_resumed_a_strip_ends_with_the_same_bytes(
+    strips: Path, tmp_path: Path, counts: tuple[int, ...]
+) -> None:
     (tmp_path / "sheared.yaml").write_text(SHEARED)
-    for count in (2,):
+    for count in counts:
         with spawn("solve", "sheared.yaml", "-q", cwd=tmp_path) as process:
             stop_after(process, tmp_path, count, signal.SIGKILL)
     assert run("solve", "sheared.yaml", "-q", cwd=tmp_path).returncode == 0

@@ -14,13 +14,17 @@ from strip_runs import strips
 
 import ribbon_cli as ribbon_api
 from ribbon_cli import analysis, plot
-from ribbon_cli.export.series import along, branch, levels
+from ribbon_cli.export.mesh import facet_corners
+from ribbon_cli.export.series import along, branch, courses, levels
+from ribbon_cli.export.view import chosen_view, strip_axes
 from ribbon_cli.pages.run import run_page
-from ribbon_cli.parts import Ends, Parts
+from ribbon_cli.parts import Ends, Loads, Parts
+from ribbon_cli.plot.branches import arclength_figure
 from ribbon_cli.plot.canvas import Figure
 from ribbon_cli.plot.kinds import Source
 from ribbon_cli.plot.labels import band_text, place_texts
 from ribbon_cli.plot.modes import displaced
+from ribbon_cli.plot.pictures import Panel, family_figure, shapes_figure
 from ribbon_cli.plot.shape import draw_shape
 from ribbon_cli.plot.style import STYLES
 from ribbon_cli.plot.supports import plates
@@ -103,9 +107,25 @@ def test_captions_name_what_is_not_zero(strips: Path) -> None:
 def test_a_branch_has_the_axis_of_its_parameter(strips: Path) -> None:
     for name, parameter in (("sheared", "shear"), ("cantilever", "end force y"), ("branch", "span")):
         picture = draw("branch", source(strips, name))
-        assert [axes.get_xlabel() for axes in picture.figure.axes] == [parameter] * 3
+        panels = 4 if name == "branch" else 3
+        assert [axes.get_xlabel() for axes in picture.figure.axes] == [parameter] * panels
         assert picture.figure.axes[0].get_title(loc="left") == "$E$"
         assert parameter in picture.title
+
+
+def test_a_branch_between_ends_shows_the_force_across(strips: Path) -> None:
+    """Sides of a branch point that are each other's image have one energy and opposite forces."""
+    (points,) = courses(run_named(strips, "branch")).values()
+    forces = [3.0 * (-1) ** k for k, _ in enumerate(points)]
+    moved = [
+        replace(point, reaction_force=(0.0, force, 0.0)) for point, force in zip(points, forces, strict=True)
+    ]
+    for given, panels in ((moved, 4), ([replace(moved[0], reaction_force=None), *moved[1:]], 3)):
+        figure = arclength_figure({"up": given}, {}, PAPER, "span")
+        assert len(figure.axes) == panels
+        if panels == 4:
+            drawn = np.concatenate([line.get_ydata() for line in figure.axes[3].get_lines()[:-1]])
+            assert set(drawn) == set(forces)
 
 
 def test_a_branch_does_not_mix_problems(strips: Path) -> None:
@@ -133,6 +153,35 @@ def test_labels_tell_states_by_their_parameters(strips: Path) -> None:
     states = branch(run_named(strips, "cantilever"))
     assert place_texts(states)[-1] == "end force y = 0.2"
     assert band_text(0, 0) == "strip"
+
+
+def test_a_strip_is_seen_in_its_start_s_frame_with_its_weight_downwards(strips: Path) -> None:
+    record = last(strips, "sheared")
+    for direction in ((0.0, -1.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, -1.0), (0.36, 0.48, 0.8)):
+        loads = Loads(gravity_direction=direction)
+        axes = strip_axes(replace(record, parts=replace(record.parts, loads=loads)))
+        np.testing.assert_allclose(axes[1], -np.array(direction), atol=1e-12)
+        np.testing.assert_allclose(np.linalg.inv(axes), axes.T, atol=1e-12)
+        assert np.linalg.det(axes) == pytest.approx(1.0)
+    view = chosen_view(facet_corners(record), (0.0, 0.0), strip_axes(record))
+    np.testing.assert_allclose(view.axes, np.eye(3), atol=1e-12)
+    # Not turned onto each other: clamps stay where they are.
+    figure = shapes_figure([Panel(record, "a"), Panel(record, "b")], PAPER, aligned=True, angles=(0.0, 0.0))
+    assert figure.axes[0].get_xlim() == figure.axes[1].get_xlim()
+
+
+def test_titles_of_a_family_fit_their_shapes_in_the_order_of_the_schedule(strips: Path) -> None:
+    picture = draw("family", source(strips, "sheared"))
+    titles = [axes.get_title() for axes in picture.figure.axes]
+    assert [title.replace("\n", ", ") for title in titles] == [
+        "$b$ = 0.05, shear = 0",
+        "$b$ = 0.05, shear = 0.03",
+        "$b$ = 0.05, shear = 0.06",
+        "$b$ = 0.06, shear = 0.06",
+    ]
+    record, length = last(strips, "sheared"), 0.123456
+    moved = [replace(record, parts=Parts(Ends(span=length + k, shear=length + k))) for k in range(4)]
+    assert [axes.get_title().count("\n") for axes in family_figure(moved, PAPER).axes] == [1] * 4
 
 
 def test_a_mode_moves_no_clamp(strips: Path) -> None:

@@ -10,6 +10,7 @@ from functools import lru_cache
 from pathlib import Path
 
 import pytest
+from strip_points import branch_point_in_span, vertex_in_span
 from strip_support import band, planar, walked
 
 from ribbon_cli.config import parse_config
@@ -21,6 +22,7 @@ from ribbon_cli.solver.branch_events import Event
 from ribbon_cli.solver.branch_switch import switch
 from ribbon_cli.solver.status import Result, Status
 from ribbon_cli.study import solve_config
+from ribbon_cli.study.progress import Step
 
 
 @lru_cache
@@ -78,6 +80,14 @@ def test_a_branch_point_and_a_fold_are_located_and_followed(parameter: str, twis
     assert apart[0] @ apart[1] < 0.0
 
 
+def test_a_pitchforks_vertex_under_span_is_a_branch_point() -> None:
+    """The lifted strip that is not symmetric under the half turn turns back where it meets those that are."""
+    vertex, crossed = vertex_in_span(24), branch_point_in_span(24)
+    assert abs(vertex.tangent.value) < 1e-4
+    assert vertex.point.value == pytest.approx(crossed.point.value, abs=1e-9)
+    assert vertex.point.energy == pytest.approx(crossed.point.energy, rel=1e-7)
+
+
 SHEARED = """\
 topology: open
 length: 1
@@ -93,8 +103,10 @@ spectrum: {modes: 1, full_up_to: 0}
 
 @pytest.mark.slow
 def test_a_schedule_ends_in_a_branch_that_is_left_to_both_sides(tmp_path: Path) -> None:
-    outcome = solve_config(parse_config(SHEARED, "sheared.yaml"), tmp_path)
+    told: list[object] = []
+    outcome = solve_config(parse_config(SHEARED, "sheared.yaml"), tmp_path, progress=told.append)
     assert outcome.exit_code == 0
+    assert any(isinstance(event, Step) and event.place.startswith("shear = 0.12") for event in told)
     main, *others = outcome.branches
     crossings = [point for point in main.points if point.type == "branch-point"]
     assert [(point.index_before, point.index_after) for point in crossings] == [(0, 1)]

@@ -49,6 +49,23 @@ row recipe-schoenke mobius-3pi 1 2 35
 row recipe-eversion everted-cylinder-40 1 14 26 27 29 31 33
 draw everted-moebius mobius-pi@b=0.1,N=200 shape --with everted-moebius-a-160:1 --with everted-moebius-b-160:1
 small everted-moebius
+# The strips of docs/strips-gallery.md.
+for config in buckled sheared twisted twisted-beyond hanging straightened cantilever; do
+    "$ribbon" -q solve "configs/strips/$config.yaml" > /dev/null
+done
+draw strip-buckled strip-buckled family
+draw strip-sheared "strip-sheared@b=0.05,span=0.75,shear=0" shape --with "strip-sheared@b=0.05,shear=0.2" --with "strip-sheared@b=0.05,shear=0.25" \
+    --with "strip-sheared@b=0.05,shear=0.4" --with "strip-sheared@b=0.02,shear=0.4" --with "strip-sheared@b=0.1,shear=0.4"
+draw strip-twisted "strip-twisted:1" shape --with "strip-twisted@b=0.05,twist=1.57079632679" --with "strip-twisted@b=0.05,twist=3.14159265359" \
+    --with strip-twisted-beyond:1 --with strip-twisted-beyond:7
+draw strip-hanging strip-hanging:1 shape --with strip-hanging:7 --with strip-hanging:13
+draw strip-straightened strip-straightened family
+draw strip-cantilever strip-cantilever:1 shape --with strip-cantilever@end_force_y=-0.5,end_force_z=0 --with strip-cantilever@end_force_z=0.1
+"$ribbon" -q solve configs/strips/shear-branches.yaml > /dev/null
+draw bifurcation strip-shear-branches branch
+for picture in bifurcation strip-buckled strip-sheared strip-twisted strip-hanging strip-straightened strip-cantilever; do
+    small "$picture"
+done
 # The pictures of docs/tutorial.md, from its config.
 folder=$(mktemp -d)
 sed -n '/^# pi.yaml$/,/^```$/p' docs/tutorial.md | grep -v '^```' > "$folder/pi.yaml"

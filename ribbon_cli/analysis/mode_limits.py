@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 from ..errors import UsageError
 from ..report.convergence import Entry, Extrapolation, convergence_rows
@@ -20,7 +21,7 @@ SPARE = 12
 def spectral_convergence(
     run: Run, metric: str = DEFAULT_METRIC, modes: int = DEFAULT_MODES
 ) -> tuple[SpectralTable, tuple[str, ...]]:
-    """The `modes` lowest eigenvalues besides rotations at each half-width of a run, over its levels.
+    """The `modes` lowest eigenvalues besides rotations at each place of a run, over its levels.
 
     Modes are numbered by their order within their label, so that checkerboard modes, which the limit does
     not have, do not shift the others. Also which states have no certificate and are left out. Raises
@@ -31,10 +32,13 @@ def spectral_convergence(
     notes: list[str] = []
     uncertified: list[str] = []
     formula, length = "", 2.0 * math.pi
-    for half_width in dict.fromkeys(entry.half_width for entry in entries):
+    for place in dict.fromkeys((entry.half_width, entry.others) for entry in entries):
+        half_width, others = place
         levels: list[tuple[int, Stability]] = []
-        for entry in sorted((e for e in entries if e.half_width == half_width), key=lambda e: e.segments):
-            where = f"b = {half_width:g}, N = {entry.segments}"
+        here = [entry for entry in entries if (entry.half_width, entry.others) == place]
+        for entry in sorted(here, key=lambda e: e.segments):
+            where = f"b = {half_width:g}" + "".join(f", {name} = {value:g}" for name, value in others)
+            where += f", N = {entry.segments}"
             if not entry.certified:
                 uncertified.append(f"{run.short_name}:{entry.label}: no certificate at {where}: left out")
                 continue
@@ -42,12 +46,12 @@ def spectral_convergence(
             formula, length = found.formula, found.state.band.length
             levels.append((entry.segments, found))
             notes += [f"{where}: {note}" for note in _symmetry_notes(found)]
-        sequences += _sequences(half_width, levels, modes, length)
+        sequences += [replace(s, others=others) for s in _sequences(half_width, levels, modes, length)]
     return SpectralTable(run.name, metric, formula, tuple(sequences), tuple(notes)), tuple(uncertified)
 
 
 def _entries(run: Run) -> list[Entry]:
-    """The run's equilibria, one for each half-width and N. Raises UsageError where there is none."""
+    """The run's equilibria, one for each place. Raises UsageError where there is none."""
     entries = table_entries(run)
     if not entries:
         raise UsageError(no_equilibria(run))

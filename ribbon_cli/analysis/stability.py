@@ -17,6 +17,7 @@ from ..model.metrics import METRICS, lengths, metric_named
 from ..model.problem import Problem
 from ..model.strip_symmetry import strip_symmetries
 from ..model.symmetry import Symmetry, SymmetryGroup, find_symmetries
+from ..parts import HALF_WIDTH
 from ..report.spectra import Counts, Element, Group, Mode, StateSpectrum
 from ..solver.inertia import Inertia, inertia
 from ..solver.kkt import FactorisationError, KKTMatrix
@@ -245,7 +246,13 @@ def told_of(record: StateRecord, found: Stability, run: str | None) -> StateSpec
         ),
         symmetries=found.symmetry_names,
         modes=found.modes,
+        parameters=_others(record) if record.parts.ends else None,
     )
+
+
+def _others(record: StateRecord) -> dict[str, float]:
+    """The parameters besides the half-width."""
+    return {name: value for name, value in record.parameters.items() if name != HALF_WIDTH}
 
 
 def arrays_of(record: StateRecord, found: Stability, run: str) -> dict[str, Array]:

@@ -69,11 +69,11 @@ class _Current:
     def heading(self) -> str:
         """Which of how many stages this is, and where it is."""
         stage, found = self.stage, None if self.last is None else self.last.half_width
-        width = len(str(stage.total))
-        place = f"b = {stage.half_width if found is None else found:g}, N = {stage.segments}"
+        moved = f", {self.last.place}" if self.last and self.last.place else ""
+        place = f"b = {stage.half_width if found is None else found:g}{moved}, N = {stage.segments}"
         # Some stages are named by where they end.
         name = "" if stage.name.startswith("b = ") else f"{stage.name}: "
-        return f"[{stage.index:{width}}/{stage.total}] {name}{place}"
+        return f"{stage.count} {name}{place}"
 
     def line(self) -> str:
         """The whole stage, once it is over."""
@@ -147,7 +147,8 @@ class Lines:
             self._write(idle[0].line())
         elif idle:
             first, last = idle[0].stage, idle[-1].stage
-            self._write(f"[{first.index}-{last.index}/{last.total}] no steps")
+            of = f"/{last.total}" if last.total else ""
+            self._write(f"[{first.index}-{last.index}{of}] no steps")
 
     def _write(self, text: str) -> None:
         self._put(text)
@@ -162,11 +163,11 @@ class Bar(Lines):
         self._task = bar.add_task("", total=None, figures="")
 
     def _begin(self, begun: _Current) -> None:
-        """The bar stands at the stages before it."""
+        """Set the bar to the number of earlier stages."""
         super()._begin(begun)
         heading, stage = visible(begun.heading), begun.stage
         self._bar.update(
-            self._task, description=heading, total=stage.total, completed=stage.index - 1, figures=""
+            self._task, description=heading, total=stage.total or None, completed=stage.index - 1, figures=""
         )
 
     def _step(self, current: _Current, step: Step) -> None:
@@ -174,18 +175,18 @@ class Bar(Lines):
         self._bar.update(self._task, figures=f"E = {digits.energy(step.energy)}  {step.residual:.1e}")
 
     def _end_stage(self) -> None:
-        """Move the bar on, whether or not the stage leaves a line."""
+        """Advance the bar, whether or not the stage leaves a line."""
         if self._current is not None:
             self._bar.update(self._task, completed=self._current.stage.index)
         super()._end_stage()
 
     def _show_stage(self, current: _Current) -> None:
-        """Only those who want every step want lines that stay."""
+        """Lines stay only with `verbose`."""
         if self._verbose:
             super()._show_stage(current)
 
     def _flush_idle(self) -> None:
-        """The bar stands where it stands."""
+        """The bar does not move."""
         self._idle = []
 
     def _write(self, text: str) -> None:

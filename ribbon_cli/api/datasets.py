@@ -1,7 +1,7 @@
 """A run's equilibria as an xarray dataset.
 
-Every fact of a state is a variable over the states' axes, and none an attribute: those of several runs do
-not survive `xarray.concat`.
+Every fact of a state is a variable over the states' axes and not an attribute: attributes that differ
+between runs do not survive `xarray.concat`.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 _AXES = ("half_width", "segments")
 _LEFT_OUT = ("run", "kind", "events", "event_kinds", *_AXES)
-"""What is no variable: the run is an attribute, and all are equilibria."""
+"""Fields that are not variables: the run is an attribute, and all states are equilibria."""
 
 Cell = tuple[int, ...]
 
@@ -80,7 +80,7 @@ def dataset(run: api.OpenRun, grid: bool | None, modes: int) -> Dataset:
 def _facts(run: Run, chosen: Mapping[Cell, Summary], shape: Cell, grid: bool) -> dict[str, NDArray[Any]]:
     """An array for each fact; where there is no state numbers are not-a-number and texts empty.
 
-    `certified` alone is true or false: what is not there has no certificate. Other truth values are 1 and 0.
+    Only `certified` is true or false: a missing state has no certificate. Other truth values are 1 and 0.
     """
     rows = {place: flat(state, run.name) for place, state in chosen.items()}
     arrays: dict[str, NDArray[Any]] = {}

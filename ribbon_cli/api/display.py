@@ -1,6 +1,6 @@
-"""How states and runs show themselves: in a line, and as HTML in notebooks.
+"""How states and runs are displayed: in a line, and as HTML in notebooks.
 
-Whether there is a certificate, and whether a band meets itself, is said wherever a state is.
+Every display of a state says whether it has a certificate and whether the band meets itself.
 """
 
 from __future__ import annotations

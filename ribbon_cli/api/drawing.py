@@ -1,4 +1,4 @@
-"""From a reference, or a state in hand, to a picture with its caption."""
+"""From a reference or a state to a picture with its caption."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def check_kind(
 
 
 def check_title(title: str | None) -> None:
-    """Refuse a title that is none. Raises UsageError."""
+    """Refuse an empty title. Raises UsageError."""
     if title is not None and not title.strip():
         raise UsageError("--title is empty: leave it out, or say what the picture shows")
 
@@ -125,7 +125,7 @@ def figure_of(
     title: str | None,
     caption: bool,
 ) -> plot.canvas.Figure:
-    """The picture of what is in hand, for programs; bands that meet themselves are warned of.
+    """The picture of a run or state, for programs; warns of bands that meet themselves.
 
     Raises UsageError.
     """
@@ -141,7 +141,7 @@ def figure_of(
 
 
 def _mode(record: StateRecord, index: int | None) -> plot.modes.ModeShape:
-    """A mode of a state by its number in `ribbon spectrum`, else the lowest that is no rotation.
+    """A mode of a state by its number in `ribbon spectrum`, else the lowest that is not a rotation.
 
     Raises UsageError as `ribbon spectrum` does.
     """

@@ -31,8 +31,21 @@ class Exported:
     warning: str = ""
 
 
+def format_of(form: str | None, path: str | None) -> str:
+    """The format that is asked for; else the one that the file's suffix names.
+
+    Raises UsageError where there is neither, and where the suffix is another format's.
+    """
+    suffix = os.path.splitext(path or "")[1].removeprefix(".").lower()
+    if form in EXPORT_FORMATS and suffix in EXPORT_FORMATS and suffix != form:
+        raise UsageError(f"{path}: its suffix is that of the format {suffix}, and {form} is asked for")
+    if not form and path and not suffix:
+        raise UsageError(f"{path}: its suffix names the format: one of .{', .'.join(EXPORT_FORMATS)}")
+    return form or suffix
+
+
 def check_format(form: str, options: exports.formats.Options) -> None:
-    """Refuse an unknown format, and an option that it does not heed. Raises UsageError."""
+    """Refuse an unknown format, and an option that does nothing for it. Raises UsageError."""
     if form not in EXPORT_FORMATS:
         known = f"known: {', '.join(EXPORT_FORMATS)}"
         raise UsageError(f"no format {form!r} ({known}){suggest(form, EXPORT_FORMATS)}")
@@ -105,10 +118,7 @@ def export_to(
     standard error of bands that meet themselves is a warning.
     """
     target = os.fspath(path)
-    form = form or os.path.splitext(target)[1].removeprefix(".").lower()
-    if not form:
-        raise UsageError(f"{target}: its suffix names the format: one of .{', .'.join(EXPORT_FORMATS)}")
-    done = export(form, named, options, target, overwrite, hint=IN_PYTHON)
+    done = export(format_of(form, target), named, options, target, overwrite, hint=IN_PYTHON)
     if done.warning:
         warnings.warn(done.warning, RibbonWarning, stacklevel=3)
     return done

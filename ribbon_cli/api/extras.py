@@ -1,4 +1,4 @@
-"""The libraries of notebooks, which the program itself does without."""
+"""The libraries for notebooks, which the program itself does not need."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Branches: what to ask for when a state is followed in width, and what comes of it."""
+"""Branches: the request to follow a state, and the result."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def request(
     switch: int | None = None,
     in_: str | None = None,
 ) -> Arclength:
-    """What `ribbon continue` is asked for. Raises UsageError for options that do not go together."""
+    """The request of `ribbon continue`. Raises UsageError for options that exclude each other."""
     name = HALF_WIDTH if in_ in (None, "b") else str(in_)
     if name not in PARAMETERS:
         raise UsageError(f"--in: no parameter {name!r}{suggest(name, PARAMETERS)}")
@@ -132,6 +132,6 @@ _POINTS = {
 
 
 def _contacts(course: study.Course) -> str:
-    """Words on the points of a branch at which the band meets itself."""
+    """A note on the points of a branch at which the band meets itself."""
     meeting = sum(point.self_contact for point in course.points)
     return f" ({meeting} of them in self-contact without forces)" if meeting else ""

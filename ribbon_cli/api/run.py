@@ -1,4 +1,4 @@
-"""A run in hand: its states as tables and grids, one by one, and in pictures."""
+"""An open run: its states as tables and grids, one by one, and in pictures."""
 
 from __future__ import annotations
 
@@ -40,12 +40,12 @@ def open(run: str | os.PathLike[str] | Run, runs: str | os.PathLike[str] | None 
     if isinstance(run, os.PathLike):
         return OpenRun(Run.open(text).path)
     if names_state(text) and ("@" in text or ":" in text):
-        raise UsageError(f"{text!r} names a state: open its run, and ask that for it by at() or state()")
+        raise UsageError(f"{text!r} names a state: open its run, then use at() or state()")
     return OpenRun.of(find_run(runs_root(runs_text(runs)), text))
 
 
 class OpenRun(Run):
-    """A run with its doors for programs and notebooks."""
+    """A run with the methods for programs and notebooks."""
 
     @classmethod
     def of(cls, run: Run) -> Self:
@@ -98,7 +98,8 @@ class OpenRun(Run):
             raise UsageError("at() needs b, N or both")
         for name in parameters:
             if name not in PARAMETERS:
-                raise UsageError(f"at(): no parameter {name!r}{suggest(name, PARAMETERS)}")
+                hint = suggest(name, ("b", "N")) or suggest(name.upper(), "N") or suggest(name, PARAMETERS)
+                raise UsageError(f"at(): no parameter {name!r}{hint}")
         values = {name: _real(value) for name, value in parameters.items()}
         values |= {} if b is None else {HALF_WIDTH: _real(b)}
         found, choice = select(self, values, None if N is None else operator.index(N))

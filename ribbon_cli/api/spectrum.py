@@ -1,4 +1,4 @@
-"""A state's spectrum in hand: eigenvalues with bounds, modes with names, and a verdict."""
+"""The spectrum of a state: eigenvalues with bounds, modes with names, and a verdict."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A state in hand: everything that is stored of it, and what can be done with it."""
+"""An open state: everything that is stored about it, and what can be done with it."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ class OpenState(StateRecord):
         method: Method = "smooth",
         progress: Watcher = None,
     ) -> OpenState:
-        """The state on a finer grid, as by `ribbon refine`; it joins the run, and is solved for once.
+        """The state on a finer grid, as by `ribbon refine`; it is added to the run, and solved for only once.
 
         `to` is a number of segments N, `levels` how often to double it. Warns of a result without
         certificate. Raises TargetError where N is not reached, UsageError, StoreError, LockedError.
@@ -127,8 +127,8 @@ class OpenState(StateRecord):
         """Continue the state to the half-width `to`, as by `ribbon continue`; the states join the run.
 
         With `in_`, `to` is a value of that parameter ("twist").
-        Without `arclength` it goes from value to value among minima, and the first fold ends it; the options
-        are those of the command. The same call again resumes. Warns of a branch that breaks off. Raises
+        Without `arclength` it goes from minimum to minimum, and ends at the first fold. The options are those
+        of the command. The same call resumes. Warns of a branch that breaks off. Raises
         UsageError, StoreError, LockedError.
         """
         run = self._in_a_run("follow")
@@ -153,7 +153,7 @@ class OpenState(StateRecord):
     ) -> Exported:
         """Write the state in the format of the path's suffix, or `format`, as by `ribbon export`.
 
-        Returns the files' names with what has to be said of them. Warns of a band that meets itself. Raises
+        Returns the files' names with remarks about them. Warns of a band that meets itself. Raises
         UsageError, StoreError.
         """
         options = exports.formats.Options(size, thickness, paper)
@@ -164,9 +164,9 @@ class OpenState(StateRecord):
         return Named(str(self.path), self.run, (self,))
 
     def _in_a_run(self, what: str) -> api.OpenRun:
-        """The run that results join. Raises UsageError outside of one."""
+        """The run that results are added to. Raises UsageError for a state outside a run."""
         if self.run is None:
-            raise UsageError(f"{self.path}: not in a run, and what {what} makes joins the state's run")
+            raise UsageError(f"{self.path}: not in a run: {what} adds its results to the state's run")
         return self.run
 
     def __repr__(self) -> str:

@@ -36,7 +36,7 @@ def as_found(run: Run, states: Sequence[Summary]) -> tuple[list[Summary], dict[i
 def damage_in_words(run: Run, lost: Mapping[int, str]) -> list[str]:
     """A line on each state whose file is not what was committed."""
     return [
-        f"{run.state_path(label)}: {word}: what is listed of it is what was committed"
+        f"{run.state_path(label)}: {word}: the listing shows what was committed"
         for label, word in lost.items()
     ]
 

@@ -1,4 +1,4 @@
-"""Files that are about to be written: what speaks against one is said before anything is computed."""
+"""Files that are about to be written: they are checked before anything is computed."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ def check_target(path: str | os.PathLike[str], overwrite: bool, hint: str = OVER
     """
     option = "" if hint == IN_PYTHON else " with -o"
     if os.fspath(path) == "-":
-        raise UsageError("-o -: name a file; what has no -o goes to standard output where it is text")
+        raise UsageError("-o -: name a file; without -o, text goes to standard output")
     if os.path.isdir(path):
         raise UsageError(f"{path}: is a folder: name a file{option}")
     if os.path.exists(path) and not os.path.isfile(path):
-        raise UsageError(f"{path}: is no regular file, and would be replaced by one: {hint}")
+        raise UsageError(f"{path}: is not a regular file, and would be replaced by one: {hint}")
     if os.path.lexists(path) and not overwrite:
         raise UsageError(f"{path}: exists already and is not replaced: {hint}")
     folder = os.path.dirname(path) or "."

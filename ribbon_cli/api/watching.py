@@ -1,4 +1,4 @@
-"""How a program that watches a study is told."""
+"""How a program receives the progress of a study."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Watcher = Callable[[study.Event], object] | bool | None
 
 @contextmanager
 def watched(progress: Watcher) -> Iterator[study.Progress | None]:
-    """The progress to hand to a study. Raises TypeError for what is no watcher."""
+    """The progress to pass to a study. Raises TypeError for anything else."""
     if progress is True:
         with console() as shown:
             yield shown

@@ -19,7 +19,7 @@ _LONGEST = 40
 
 
 exact_option = click.option(
-    "--exact", is_flag=True, help="Ask for the same bytes: what is the same to rounding is exit 3 then, too."
+    "--exact", is_flag=True, help="Require equal bytes: `same to rounding` then gives exit code 3, too."
 )
 
 
@@ -32,9 +32,9 @@ exact_option = click.option(
 def compare(settings: Settings, first: str, second: str, exact: bool) -> int:
     """Compare two states or two runs.
 
-    Of states, what differs is listed, arrays with their largest difference; of runs, the states that ended
-    the same stages. The answer is `identical` (all that was computed, to the last bit), `same to rounding`,
-    with the largest relative difference, or `different`, which is exit 3.
+    For two states, the fields that differ are listed, arrays with their largest difference. For two runs,
+    the states of equal stages are compared. The answer is `identical` (all that was computed agrees to the
+    last bit), `same to rounding` with the largest relative difference, or `different` (exit code 3).
     """
     kinds = {store.names_state(first), store.names_state(second)}
     if len(kinds) > 1:
@@ -69,7 +69,7 @@ def _runs(settings: Settings, first: str, second: str, exact: bool) -> int:
 
 
 def answer(settings: Settings, judgement: report.comparison.Judgement, exact: bool, where: str = "") -> int:
-    """Print one of the three answers with what it rests on, but for JSON; the exit code."""
+    """Print one of the three answers with its reason, except for JSON; return the exit code."""
     if not settings.json:
         emit(f"{judgement.answer}{_reason(judgement, where)}")
     good = ("identical",) if exact else ("identical", "same to rounding")
@@ -81,12 +81,12 @@ def answer_of_pairs(settings: Settings, pairs: Sequence[report.comparison.StateP
     judgement, pair = report.comparison.decided(pairs)
     where = pair.stage if pair else ""
     if pair and None in (pair.first, pair.second):
-        where += " is in one of them alone"
+        where += " is in only one of them"
     return answer(settings, judgement, exact, where)
 
 
 def _reason(judgement: report.comparison.Judgement, where: str) -> str:
-    """What an answer rests on: the largest relative difference and where it is, or a fact that differs."""
+    """The reason of an answer: the largest relative difference and its place, or a fact that differs."""
     largest, path = judgement.largest_relative_difference, judgement.largest_in
     if judgement.answer == "identical":
         return ""

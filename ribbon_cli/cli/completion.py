@@ -1,6 +1,6 @@
 """Shell completion: what Tab offers, and the scripts that ask for it.
 
-The callbacks run at every press of Tab, on whatever is in the folder: they never raise and never print.
+The callbacks run whenever Tab is pressed, whatever is in the folder: they never raise and never print.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ SHELLS = ("bash", "zsh", "fish")
 _MOST = 500
 """Most candidates that are worth showing."""
 _PLAIN = re.compile(r"[\w.@:=,+-]*")
-"""What no shell takes for more than text; a folder that others have given any other name is not offered."""
+"""Characters that every shell takes as plain text; folders with other names are not offered."""
 
 _BASH = """\
 %(complete_func)s() {
@@ -138,7 +138,7 @@ def _references(ctx: click.Context, incomplete: str) -> Iterator[str]:
         return
     mark = "@" if "@" in incomplete else ":"
     typed = incomplete.partition(mark)[0]
-    # A finished name may be spelled in any way that users may type.
+    # A complete name may be typed in any accepted form.
     name, run = fitting[0] if fitting else (typed, store.find_run(_root(ctx), typed))
     if mark == ":":
         yield from (f"{name}:{label}" for label in run.entries())
@@ -164,6 +164,25 @@ def _all_or_one(ctx: click.Context, incomplete: str) -> Iterator[str]:
 def complete_words(words: tuple[str, ...]) -> _Callback:
     """A callback that offers fixed words."""
     return _candidates(lambda ctx, _: words)
+
+
+class Word(click.ParamType):  # type: ignore[type-arg]  # generic in new versions of click alone
+    """One of a few words, offered by Tab, and listed where it is missing; the command itself judges it."""
+
+    name = "word"
+
+    def __init__(self, words: tuple[str, ...]) -> None:
+        self._words = words
+
+    def shell_complete(
+        self, ctx: click.Context, param: click.Parameter, incomplete: str
+    ) -> list[CompletionItem]:
+        """Offer the words."""
+        return complete_words(self._words)(ctx, param, incomplete)
+
+    def get_missing_message(self, param: click.Parameter, ctx: click.Context | None) -> str:
+        """List the words."""
+        return f"Choose one of {', '.join(self._words)}"
 
 
 complete_run = _candidates(_run_names)

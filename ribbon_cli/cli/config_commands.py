@@ -29,11 +29,13 @@ _DEFAULT_TEMPLATE = "mobius-pi"
 def init(settings: Settings, template: str, output: str | None, listing: bool) -> None:
     """Write a commented config to start from.
 
-    TEMPLATE is mobius-pi unless given; --list shows which there are. The run is called as the file is.
+    TEMPLATE is mobius-pi by default; --list lists the templates. The run is named after the file.
     """
     known = configs.templates()
     if listing:
-        emit_json(list(known)) if settings.json else emit("\n".join(known))
+        width = max(map(len, known))
+        lines = (f"{name:{width}}  {configs.about_template(text)}" for name, text in known.items())
+        emit_json(list(known)) if settings.json else emit("\n".join(lines))
         return
     if template not in known:
         hint = store.suggest(template, known) or f": there are {', '.join(known)}"
@@ -43,7 +45,7 @@ def init(settings: Settings, template: str, output: str | None, listing: bool) -
     stem = os.path.splitext(os.path.basename(path))[0]
     store.write_atomic(path, configs.template(template, stem).encode())
     emit_json({"path": path, "template": template}) if settings.json else emit(path)
-    say(settings, f"written; `ribbon check {path}` tells what it will do")
+    say(settings, f"written; `ribbon check {path}` shows what it will do")
     beside = os.path.join(os.path.dirname(path), configs.SCHEMA_FILE)
     if not os.path.lexists(beside):
         say(settings, f"`ribbon schema -o {beside}` lets editors check and complete it")

@@ -21,24 +21,38 @@ _STOPS = ("fold", "stability-lost", "contact")
 @click.command("continue")
 @click.argument("state", shell_complete=complete_state)
 @click.option("--in", "in_", metavar="NAME", shell_complete=complete_parameter, help="Parameter to move (b).")
-@click.option("--to", metavar="B", required=True, callback=finite, help="Half-width, or value, to go to.")
+@click.option(
+    "--to",
+    metavar="B",
+    required=True,
+    callback=finite,
+    help="Half-width, or value of the parameter, to go to.",
+)
 @click.option("--arclength", is_flag=True, help="Follow the branch itself, around folds.")
 @click.option("--back-to", metavar="B", callback=finite, help="Other end of the range.")
-@click.option("--both", is_flag=True, help="Go both ways, to --to and to --back-to.")
-@click.option("--at", metavar="B", multiple=True, callback=several, help="Meet this value exactly.")
-@click.option("--stop-at", type=click.Choice(_STOPS), multiple=True, help="End at the first such event.")
+@click.option("--both", is_flag=True, help="Follow the branch in both directions, to --to and to --back-to.")
+@click.option(
+    "--at", metavar="B", multiple=True, callback=several, help="Compute a state at exactly this value."
+)
+@click.option("--stop-at", type=click.Choice(_STOPS), multiple=True, help="Stop at the first such event.")
 @click.option("--max-step", metavar="S", callback=positive, help="Longest step along the branch (0.1).")
-@click.option("--steps", metavar="K", callback=whole(1), help="Steps at most (500).")
-@click.option("--switch", metavar="K", callback=whole(0), help="Follow branches that cross, K times over.")
+@click.option("--steps", metavar="K", callback=whole(1), help="Largest number of steps (500).")
+@click.option(
+    "--switch",
+    metavar="K",
+    callback=whole(0),
+    help="Also follow branches that cross this one, to the depth K.",
+)
 @common_options
 @pass_settings
 def continue_(settings: Settings, /, state: str, **asked: Any) -> int:
     """Continue a stored STATE in width or in another parameter.
 
-    The results join its run. With --in, as --in twist --to pi, B is a value of that parameter.
+    The results are added to its run. With --in, as in --in twist --to pi, B is a value of that parameter.
 
-    The same line again resumes. Without --arclength values are reached one from another, and the first fold
-    ends it. Unstable points on a branch are no failure; the exit code is 3 when no step is short enough.
+    The same command resumes. Without --arclength, each value is reached from the one before, and the
+    continuation ends at the first fold. Unstable points on a branch are not failures; the exit code is 3 if
+    even the shortest step fails.
     """
     wanted = api.following.request(**asked)
     settings.commits = True

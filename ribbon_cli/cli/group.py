@@ -38,7 +38,7 @@ class RibbonGroup(click.Group):
     ) -> None:
         """Run a command line, by default the process's own, and exit."""
         words = list(sys.argv[1:] if args is None else args)
-        # Asked by a shell for completions: there is nobody to read a message.
+        # A shell asks for completions: nobody would read a message.
         completing = "_RIBBON_COMPLETE" in os.environ
         settings = Settings(argv=("ribbon", *words), quiet=completing)
         extra |= {"standalone_mode": False, "obj": settings}
@@ -62,7 +62,7 @@ class RibbonGroup(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Find the command. Raises UsageError with a near miss for one that there is not."""
+        """Find the command. Raises UsageError with a near miss if there is none."""
         if not ctx.resilient_parsing and self.get_command(ctx, args[0]) is None:
             hint = store.suggest(args[0], self.commands) or "; `ribbon --help` lists the commands"
             raise UsageError(f"no such command {args[0]!r}{hint}")
@@ -82,7 +82,7 @@ def _describe(error: BaseException, settings: Settings) -> tuple[str, int]:
     """The line for an error, and its exit code."""
     if isinstance(error, Stopped | click.Abort):
         number = error.number if isinstance(error, Stopped) else signal.SIGINT
-        kept = ": everything committed is kept, and the same line again resumes" if settings.commits else ""
+        kept = ": everything committed is kept, and the same command resumes" if settings.commits else ""
         return f"ribbon: interrupted by {signal.Signals(number).name}{kept}", 128 + number
     if isinstance(error, click.ClickException):
         return f"ribbon: {_usage(error)}", UsageError.exit_code

@@ -1,4 +1,4 @@
-"""Data to standard output, messages to standard error."""
+"""Writes data to standard output and messages to standard error."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ _LAYOUT = "\n\t"
 def emit(text: str) -> None:
     """Write data to standard output, with nothing in it that a terminal would obey.
 
-    A reader that has gone (`ribbon ls | head -1`) is no failure: what is left is dropped, and the exit code
-    goes on speaking of the work done. Raises RibbonError when the output cannot be written: a full disk.
+    A reader that has gone (`ribbon ls | head -1`) is not a failure: the rest is dropped, and the exit code
+    still describes the work done. Raises RibbonError when the output cannot be written: a full disk.
     """
     try:
         click.echo(visible(text.removesuffix("\n"), _LAYOUT))
@@ -73,7 +73,7 @@ def say(settings: Settings, text: str) -> None:
 
 
 def teller(settings: Settings) -> Callable[[str], None]:
-    """What hands messages to `say`, for whoever finds out something on the way."""
+    """A callable that passes messages to `say`, for functions that find something worth telling."""
     return partial(say, settings)
 
 
@@ -84,7 +84,7 @@ def warn(settings: Settings, text: str) -> None:
 
 
 def complain(text: str) -> None:
-    """Write to standard error, quiet or not; where nobody can read it, nothing happens."""
+    """Write to standard error, even if quiet; if it cannot be written, nothing happens."""
     try:
         click.echo(visible(text, _LAYOUT), err=True)
     except OSError:

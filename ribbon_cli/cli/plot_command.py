@@ -10,7 +10,7 @@ from ribbon_cli import api, export, store
 from ribbon_cli import plot as pictures
 from ribbon_cli.api.names import PLOT_KINDS
 from ribbon_cli.api.targets import check_target
-from ribbon_cli.cli.completion import complete_any, complete_file, complete_words
+from ribbon_cli.cli.completion import Word, complete_any, complete_file, complete_words
 from ribbon_cli.cli.output import emit, emit_json, say, teller, warn
 from ribbon_cli.cli.settings import Settings, common_options, pass_settings
 from ribbon_cli.errors import UsageError
@@ -18,13 +18,13 @@ from ribbon_cli.errors import UsageError
 
 @click.command()
 @click.argument("ref", shell_complete=complete_any)
-@click.argument("kind", shell_complete=complete_words(PLOT_KINDS))
+@click.argument("kind", type=Word(PLOT_KINDS))
 @click.option(
     "-o",
     "--output",
     metavar="PATH",
     shell_complete=complete_file,
-    help="PDF, SVG or PNG, of a mode also GIF; else RUN-LABEL-KIND.pdf.",
+    help="PDF, SVG or PNG, for a mode also GIF. Default: RUN-LABEL-KIND.pdf.",
 )
 @click.option(
     "--style",
@@ -46,15 +46,23 @@ from ribbon_cli.errors import UsageError
     "--index",
     metavar="K",
     type=click.IntRange(min=1),
-    help="Of a mode: its number in ribbon spectrum STATE; else the lowest that is no rotation.",
+    help="Number of the mode in ribbon spectrum STATE. Default: the lowest but the rotations.",
 )
-@click.option("--view", metavar="AZIMUTH,ELEVATION", help="Degrees, in the band's own axes; else chosen.")
-@click.option("--segments", metavar="N", type=click.IntRange(min=3), help="Of a run, its states with this N.")
 @click.option(
-    "--width", metavar="MM", help="Of the picture in mm, as for a journal's column; else the style's."
+    "--view",
+    metavar="AZIMUTH,ELEVATION",
+    help="Direction of view, in degrees and the band's own axes. Default: chosen.",
 )
-@click.option("--title", metavar="TEXT", help="Above the picture, and in the file's own words.")
-@click.option("--no-caption", is_flag=True, help="Leave the line out that says what is shown.")
+@click.option(
+    "--segments", metavar="N", type=click.IntRange(min=3), help="For a run: its states with this N."
+)
+@click.option(
+    "--width",
+    metavar="MM",
+    help="Width of the picture in mm, as for a journal's column. Default: the style's.",
+)
+@click.option("--title", metavar="TEXT", help="Title above the picture and in the file's metadata.")
+@click.option("--no-caption", is_flag=True, help="Leave out the caption.")
 @click.option("--overwrite", is_flag=True, help="Replace the file if there is one.")
 @common_options
 @pass_settings
@@ -75,7 +83,7 @@ def plot(
 ) -> None:
     """Draw a state or a run, from what is stored.
 
-    A mode is computed from the stored state, as by ribbon spectrum. With -o x.gif it moves.
+    A mode is computed from the stored state, as by ribbon spectrum. With -o x.gif it is animated.
 
     \b
     KIND of a state:           mode, pattern

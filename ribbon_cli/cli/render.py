@@ -19,7 +19,20 @@ from ribbon_cli.text import aligned, ranges, visible
 MISSING = "-"
 
 _LEFT = frozenset(
-    {"type", "status", "kind", "stage", "run", "last change", "name", "template", "field", "first", "second"}
+    {
+        "type",
+        "status",
+        "place",
+        "kind",
+        "stage",
+        "run",
+        "last change",
+        "name",
+        "template",
+        "field",
+        "first",
+        "second",
+    }
 )
 """Columns of words; the others hold numbers and are aligned on the right."""
 
@@ -31,7 +44,7 @@ def columns(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def _visible_row(row: Sequence[str]) -> Sequence[str]:
-    """A row's texts, made visible where one of them needs it; of thousands of rows hardly any does."""
+    """A row's texts, made visible where one of them needs it; hardly any row does."""
     return row if "".join(row).isprintable() else tuple(map(visible, row))
 
 
@@ -61,7 +74,7 @@ def _figures(state: Summary) -> list[str]:
 
 
 def status_in_words(state: Summary | StateRecord) -> str:
-    """A state's status; of an auxiliary one with whose minimum it is."""
+    """A state's status; for an auxiliary state, which problem's minimum it is."""
     if (state.kind, state.status) == ("auxiliary", "minimum"):
         return "minimum of the auxiliary problem"
     return state.status
@@ -106,16 +119,18 @@ def states_table(states: Sequence[Summary], kinds: bool) -> str:
 
 
 def targets_table(targets: Iterable[study.Target], states: Mapping[int, Summary]) -> str:
-    """What came of each target; `states` holds the summaries by label."""
-    rows = []
+    """The result for each target; `states` holds the summaries by label. Other parameters stand beside b."""
+    rows, targets = [], list(targets)
+    named = any(target.place for target in targets)
     for target in targets:
         state = None if target.label is None else states.get(target.label)
         word = "beyond contact" if target.beyond else "not reached"
         empty = [MISSING, word, *[MISSING] * (len(_FIGURES) - 2)]
         figures = empty if state is None else _figures(state)
         label = MISSING if target.label is None else str(target.label)
-        rows.append([number(target.half_width, ".10g"), str(target.segments), label, *figures])
-    return columns(["b", "N", "label", *_heads(states.values())], rows)
+        place = target.where if named else number(target.half_width, ".10g")
+        rows.append([place, str(target.segments), label, *figures])
+    return columns(["place" if named else "b", "N", "label", *_heads(states.values())], rows)
 
 
 def branch_text(course: study.Course) -> str:
@@ -129,9 +144,10 @@ def branch_text(course: study.Course) -> str:
 def branch_table(course: study.Course) -> str:
     """The points of a branch: label, type, its parameter, E, index, lowest eigenvalue, Lk and contact.
 
-    Of a strip Tw + Wr stands for Lk.
+    For a strip, Tw + Wr takes the place of Lk, and there is no sliding.
     """
     name = course.parameter
+    strips = any("gravity" in point.parameters for point in course.points)
     rows = (
         [
             str(point.label),
@@ -140,17 +156,16 @@ def branch_table(course: study.Course) -> str:
             energy(point.energy),
             _branch_index(point.negative_eigenvalues, point.index_before, point.index_after),
             number(point.lowest_eigenvalue, ".3e"),
-            number(point.sliding_overlap, ".2f"),
+            *([] if strips else [number(point.sliding_overlap, ".2f")]),
             _linking_number(point.linking_number),
             "yes" if point.self_contact else "no",
             point.status,
         ]
         for point in course.points
     )
-    strips = any("gravity" in point.parameters for point in course.points)
-    turn = "Tw+Wr" if strips else "Lk"
-    heads = ["label", "type", PARAMETERS[name].symbol, "E", "index", "lowest", "sliding", turn, "contact"]
-    return columns([*heads, "status"], rows)
+    turns = ["Tw+Wr"] if strips else ["sliding", "Lk"]
+    heads = ["label", "type", PARAMETERS[name].symbol, "E", "index", "lowest", *turns, "contact", "status"]
+    return columns(heads, rows)
 
 
 def _branch_index(negative: int | None, before: int | None, after: int | None) -> str:
@@ -198,11 +213,11 @@ def _plain(value: Any) -> str:
         return MISSING if math.isnan(value) else f"{value:.10g}"
     if isinstance(value, list | tuple):
         return "; ".join(map(_plain, value)) or "none"
-    return visible(str(value))
+    return visible(str(value)) or MISSING
 
 
 def history_lines(events: Iterable[Event]) -> dict[str, str]:
-    """What the log tells apart from states, by time: the event, and what it says in words."""
+    """The log's events other than states, by time: the event and its text."""
     lines: dict[str, str] = {}
     for event in events:
         notes = event.document.get("notes")
@@ -214,7 +229,7 @@ def history_lines(events: Iterable[Event]) -> dict[str, str]:
 
 
 def gathered(causes: Iterable[tuple[str, str]]) -> list[str]:
-    """Failures with those of one cause on one line: `b = 0.5, N = 50; b = 0.5, N = 100: not reached: ...`."""
+    """Failures, one line for each cause: `b = 0.5, N = 50; b = 0.5, N = 100: not reached: ...`."""
     places: dict[str, list[str]] = {}
     for place, cause in causes:
         places.setdefault(cause, []).append(place)

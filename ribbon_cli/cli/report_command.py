@@ -13,7 +13,7 @@ from ribbon_cli.cli.settings import Settings, common_options, pass_settings
 
 @click.command("report")
 @click.argument("run", shell_complete=complete_run)
-@click.option("-o", "--output", metavar="PATH", shell_complete=complete_file, help="Else RUN.html.")
+@click.option("-o", "--output", metavar="PATH", shell_complete=complete_file, help="Default: RUN.html.")
 @click.option("--overwrite", is_flag=True, help="Replace the file if there is one.")
 @common_options
 @pass_settings

@@ -20,19 +20,21 @@ from ribbon_cli.text import ranges
     metavar="K",
     type=click.IntRange(min=1),
     multiple=True,
-    help="Of a RUN, remove the branch with this number in ribbon show RUN, and keep the rest.",
+    help="Remove only the branch with this number in ribbon show RUN.",
 )
-@click.option("--with-dependents", "dependents", is_flag=True, help="Remove what came from the states, too.")
+@click.option(
+    "--with-dependents", "dependents", is_flag=True, help="Also remove the states that came from these."
+)
 @click.option("-y", "--yes", is_flag=True, help="Do not ask.")
 @common_options
 @pass_settings
 def rm(
     settings: Settings, refs: tuple[str, ...], branches: tuple[int, ...], dependents: bool, yes: bool
 ) -> int:
-    """Delete a RUN for good, or states of one, after asking.
+    """Delete a RUN, or states of one, for good; asks first.
 
-    States, each as RUN:LABEL, and branches are those that ribbon continue and ribbon refine added: what the
-    config leads to would be computed again by the next solve.
+    Only states (each as RUN:LABEL) and branches that ribbon continue or ribbon refine added can be removed:
+    the next solve would compute all others again.
     """
     if any(map(store.names_state, refs)):
         if branches:
@@ -104,7 +106,7 @@ def _delete(settings: Settings, run: store.Run, yes: bool) -> int:
 
 
 def _agreed(question: str) -> bool:
-    """Ask on standard error; anything but yes, and nobody to answer, is no."""
+    """Ask on standard error; anything but yes is no, and so is no answer."""
     try:
         return click.confirm(question, err=True)
     except (click.Abort, OSError, RuntimeError):  # standard input may be closed

@@ -1,4 +1,4 @@
-"""What is done to whole runs: repair, pack and unpack, rm, path, rerun."""
+"""Commands on whole runs: repair, pack, unpack, path, rerun."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ from ribbon_cli.cli.settings import Settings, common_options, pass_settings
 @common_options
 @pass_settings
 def repair(settings: Settings, run: str) -> None:
-    """Bring a RUN to order after damage.
+    """Repair a RUN after damage.
 
     Nothing is deleted: the log is rebuilt from the states, damaged files are renamed to *.damaged-K, config
-    files are restored from the states. The next `ribbon solve` computes again what was lost.
+    files are restored from the states. The next `ribbon solve` recomputes what was lost.
     """
     found = store.find_run(settings.root, run)
     done = found.repair()
@@ -44,14 +44,14 @@ def repair(settings: Settings, run: str) -> None:
 
 @click.command()
 @click.argument("run", shell_complete=complete_run)
-@click.option("-o", "--output", metavar="PATH", shell_complete=complete_file, help="Else RUN.pack.h5.")
+@click.option("-o", "--output", metavar="PATH", shell_complete=complete_file, help="Default: RUN.pack.h5.")
 @click.option("--overwrite", is_flag=True, help="Replace the file if there is one.")
 @common_options
 @pass_settings
 def pack(settings: Settings, run: str, output: str | None, overwrite: bool) -> None:
     """Write a RUN to one HDF5 file, to share.
 
-    `ribbon unpack` makes it a run again, the same bytes. The states' datasets are in it to look at, too.
+    `ribbon unpack` restores the run with the same bytes. Other programs can read the states' datasets in it.
     """
     found = store.find_run(settings.root, run)
     path = output or f"{found.name}.pack.h5"
@@ -68,9 +68,9 @@ def pack(settings: Settings, run: str, output: str | None, overwrite: bool) -> N
 @common_options
 @pass_settings
 def unpack(settings: Settings, file: str) -> None:
-    """Make the run of a packed FILE again.
+    """Restore the run from a packed FILE.
 
-    It comes into the folder of runs, every file as it was.
+    The run is placed in the folder of runs, with every file as it was.
     """
     run = store.pack.unpack(Path(file), settings.root)
     if settings.json:
@@ -104,8 +104,8 @@ def path(settings: Settings, ref: str) -> None:
 def rerun(settings: Settings, run: str, into: str | None, exact: bool) -> int:
     """Repeat a RUN from its stored config alone.
 
-    Says whether every state comes out `identical`, `same to rounding` (as on another machine, or with other
-    versions of libraries) or `different`. The exit code is 3 where one differs or is not reached.
+    Reports whether each state is `identical`, `same to rounding` (as on another machine, or with other
+    versions of libraries) or `different`. The exit code is 3 if one differs or is not reached.
     """
     with progress(settings) as shown:
         target = None if into is None else Path(into)
@@ -124,7 +124,7 @@ def rerun(settings: Settings, run: str, into: str | None, exact: bool) -> int:
     code = answer_of_pairs(settings, found.pairs, exact)
     if code:
         hint = "`--into DIR` keeps the new run, to compare" if into is None else f"the new run is in {into}"
-        complain(f"ribbon: {found.run.name}: did not come out as it was: {hint}")
+        complain(f"ribbon: {found.run.name}: the result is not the same: {hint}")
     return code
 
 

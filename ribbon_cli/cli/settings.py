@@ -17,7 +17,7 @@ _Command = TypeVar("_Command", bound=Callable[..., Any])
 
 @dataclass
 class Settings:
-    """What the shared options say, and facts on this process.
+    """The values of the shared options, and facts about this process.
 
     `runs` is None unless the option is given. `argv` is the command line, for the provenance. `commits` is
     set by commands that store states: it decides what an interruption's message promises.
@@ -58,11 +58,11 @@ def _shared(*names: str, callback: Callable[..., Any] = _remember, **more: Any) 
     return click.option(*names, expose_value=False, callback=callback, **more)
 
 
-_RUNS = "Folder of the runs; else RIBBON_RUNS, else ./runs."
+_RUNS = "Folder of the runs. Default: RIBBON_RUNS, else ./runs."
 _OPTIONS = (
     _shared("--runs", metavar="DIR", shell_complete=complete_folder, help=_RUNS),
     _shared("--json", is_flag=True, help="Print one JSON document instead of text."),
-    _shared("-q", "--quiet", is_flag=True, help="No progress and no messages but errors."),
+    _shared("-q", "--quiet", is_flag=True, help="No progress, and no messages except errors."),
     _shared("-v", "--verbose", is_flag=True, help="More detail, such as every Newton step."),
     _shared("--debug", is_flag=True, help="Show the traceback of an error."),
     _shared("-h", "--help", is_flag=True, is_eager=True, callback=_help, help="Show this message and exit."),

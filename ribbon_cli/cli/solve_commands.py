@@ -1,4 +1,4 @@
-"""`ribbon solve` and `ribbon refine`: what stores new states."""
+"""`ribbon solve` and `ribbon refine`: commands that store new states."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from ribbon_cli.errors import UsageError
 
 @click.command()
 @click.argument("config", shell_complete=complete_file)
-@click.option("--fresh", is_flag=True, help="Start over; the run there is, is set aside, not deleted.")
+@click.option("--fresh", is_flag=True, help="Start over; an earlier run is set aside, not deleted.")
 @common_options
 @pass_settings
 def solve(settings: Settings, config: str, fresh: bool) -> int:
-    """Run all stages of CONFIG; the same line again resumes.
+    """Run all stages of CONFIG; the same command resumes.
 
-    Prints what came of each target. The exit code is 3 when one was not reached or has no certificate.
+    Prints the result for each target. The exit code is 3 if one was not reached or has no certificate.
     """
     return report(settings, run_stages(settings, configs.load_config(config), fresh))
 
@@ -55,7 +55,7 @@ def run_stages(settings: Settings, config: configs.Config, fresh: bool = False) 
 def refine(
     settings: Settings, state: str, to: int | None, levels: int | None, method: Literal["smooth", "split"]
 ) -> int:
-    """Refine a stored STATE; the results join its run."""
+    """Refine a stored STATE; the results are added to its run."""
     if (to is None) == (levels is None):
         raise UsageError("give one of --to N and --levels K")
 
@@ -68,7 +68,7 @@ def refine(
 
 
 def report(settings: Settings, outcome: study.Outcome) -> int:
-    """Print what came of every target, and name failures on standard error; return the exit code.
+    """Print the result for every target, and name failures on standard error; return the exit code.
 
     The outcome's notes have been shown as they came up; only JSON repeats them.
     """
@@ -89,7 +89,7 @@ def conclude(
     more: str,
     failures: Iterable[str],
 ) -> int:
-    """Print what a study came to, as text or as JSON with its own `document`; return the exit code.
+    """Print the outcome of a study, as text or as JSON with its own `document`; return the exit code.
 
     `more` says which command tells more.
     """

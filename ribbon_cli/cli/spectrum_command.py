@@ -24,9 +24,11 @@ _FORMATS = ("text", "markdown", "csv", "json", "npz")
     show_default=True,
     help="How the size of a mode is measured.",
 )
-@click.option("--modes", metavar="K", type=click.IntRange(1), help="Lowest modes; default 12, convergence 6.")
-@click.option("--full", is_flag=True, help="All 2N-3 eigenvalues, by dense algebra; of a RUN, at each N.")
-@click.option("--convergence", is_flag=True, help="Of a RUN: the lowest eigenvalues over N, orders, limits.")
+@click.option(
+    "--modes", metavar="K", type=click.IntRange(1), help="Number of lowest modes (12, with --convergence 6)."
+)
+@click.option("--full", is_flag=True, help="All 2N-3 eigenvalues, by dense algebra; for a RUN, at each N.")
+@click.option("--convergence", is_flag=True, help="For a RUN: the lowest eigenvalues over N, orders, limits.")
 @click.option("--format", "style", type=click.Choice(_FORMATS), help="Default: text.")
 @click.option("-o", "--output", metavar="PATH", shell_complete=complete_file, help="Write to a file instead.")
 @click.option("--overwrite", is_flag=True, help="Replace a file that exists.")
@@ -45,8 +47,9 @@ def spectrum(
 ) -> int:
     """Eigenvalues, modes by name, and stability.
 
-    The modes of a STATE are rotations, sliding along the band, checkerboards of the discretisation and
-    others, with signs under each symmetry that it has. With --convergence, a table of a RUN over N.
+    Each mode of a STATE is labelled: rotation, sliding (along the band), checkerboard (of the
+    discretisation) or mode. Its parity under each symmetry of the state is given. With --convergence, a table
+    of a RUN over N.
     """
     style = text_format(settings, style)
     if full and (convergence or modes):

@@ -29,20 +29,20 @@ _WHOLE_CONFIGS = ("config_text", "config_resolved")
 
 @click.command()
 @click.argument("run", metavar="[RUN]", required=False, shell_complete=complete_run)
-@click.option("--all", "everything", is_flag=True, help="All kinds of state; all runs, those set aside too.")
+@click.option(
+    "--all", "everything", is_flag=True, help="All kinds of state; all runs, including those set aside."
+)
 @click.option(
     "--status", metavar="WORD", shell_complete=complete_status, help="Only runs, or states, with this status."
 )
-@click.option(
-    "--kind", metavar="KIND", shell_complete=complete_kind, help="Only states of this kind, whichever it is."
-)
+@click.option("--kind", metavar="KIND", shell_complete=complete_kind, help="Only states of this kind.")
 @common_options
 @pass_settings
 def ls(settings: Settings, run: str | None, everything: bool, status: str | None, kind: str | None) -> int:
     """List the runs, or the equilibria of a RUN.
 
-    Of runs it says how far they have come: how many of the equilibria that the config names are done, in
-    hand, waiting or failed. RUN@b=0.5 and RUN@b=0.5,N=400 list the states of a width or mesh.
+    For each run it shows how many of the equilibria that the config asks for are done, running, waiting or
+    failed. RUN@b=0.5 and RUN@b=0.5,N=400 list the states of a width or mesh.
     """
     if run is not None:
         return _list_states(settings, run, everything, status, kind)
@@ -87,7 +87,7 @@ def _list_states(settings: Settings, ref: str, everything: bool, status: str | N
 
 
 def _known(name: str, word: str | None, known: Iterable[str]) -> None:
-    """Refuse an option's value that can match nothing. Raises UsageError."""
+    """Refuse an option's value that cannot match anything. Raises UsageError."""
     if word is not None and word not in known:
         raise UsageError(f"--{name}: {word!r} is none of {', '.join(known)}{store.suggest(word, known)}")
 
@@ -108,13 +108,13 @@ def _emptiness(run: store.Run) -> str:
 def show(settings: Settings, ref: str) -> None:
     """Show a state and its certificate, or a run.
 
-    Of a state all but its arrays, provenance included; of a run its config, history and branches.
+    For a state: everything except its arrays. For a run: its config, history and branches.
     """
     (_show_state if store.names_state(ref) else _show_run)(settings, ref)
 
 
 def _show_state(settings: Settings, ref: str) -> None:
-    """Show all of a state but its arrays, whole configs in JSON alone."""
+    """Show everything about a state except its arrays; whole configs only in JSON."""
     run, record, path = api.open_state(ref, settings.runs, teller(settings))
     document = {
         **store.Summary.of(record).listed(run.name if run else None),

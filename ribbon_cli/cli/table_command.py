@@ -31,8 +31,8 @@ def convergence_table(
 ) -> int:
     """Energies under refinement: differences, orders, limits.
 
-    Of a CONFIG, what is missing is solved first. Of both, an energy without certificate is named on standard
-    error, and the exit code is 3.
+    For a CONFIG, missing states are solved first. Energies without a certificate are named on standard error,
+    and the exit code is then 3.
     """
     style = text_format(settings, style)
     if output is not None:
@@ -47,7 +47,7 @@ def convergence_table(
 
 
 def _run(settings: Settings, source: str) -> tuple[store.Run, study.Outcome | None]:
-    """The run that a reference or a config stands for, and what solving the config came to."""
+    """The run that a reference or a config means, and the outcome of solving the config."""
     if source.endswith((".yaml", ".yml")) or os.path.isfile(source):
         outcome = run_stages(settings, configs.load_config(source))
         return outcome.run, outcome
@@ -55,7 +55,7 @@ def _run(settings: Settings, source: str) -> tuple[store.Run, study.Outcome | No
 
 
 def _table(run: store.Run, outcome: study.Outcome | None) -> report.convergence.Table:
-    """The run's table, empty when solving its config came to nothing.
+    """The run's table, empty if solving its config reached nothing.
 
     Raises UsageError when a run that was named has nothing to show, StoreError where a state's file is not
     what was committed.
@@ -73,7 +73,7 @@ def _table(run: store.Run, outcome: study.Outcome | None) -> report.convergence.
 def _uncertified(run: store.Run, table: report.convergence.Table, outcome: study.Outcome | None) -> list[str]:
     """A line for each energy without certificate.
 
-    Not of targets, of which the outcome speaks, and not of points of a branch, which may be unstable.
+    Targets are left out, because the outcome reports them, and points of a branch, which may be unstable.
     """
     targets = {(target.half_width, target.segments) for target in (outcome.targets if outcome else ())}
     followed = {state.label for state in run.states() if state.branch is not None}

@@ -1,4 +1,4 @@
-"""`ribbon verify`: whether what is stored is what was committed, and says what its shape says."""
+"""`ribbon verify`: whether files are what was committed, and agree with their shapes."""
 
 from __future__ import annotations
 
@@ -14,15 +14,14 @@ from ribbon_cli.errors import StoreError
 
 @click.command()
 @click.argument("ref", metavar="[RUN|STATE|all]", default="all", shell_complete=complete_checkable)
-@click.option("--continuum", is_flag=True, help="Hold a RUN or a STATE against the continuum instead.")
+@click.option("--continuum", is_flag=True, help="Compare a RUN or a STATE with the continuum instead.")
 @common_options
 @pass_settings
 def verify(settings: Settings, ref: str, continuum: bool) -> int:
     """Check a RUN, a STATE or all runs.
 
-    Files are compared with the hashes that were committed, and what they say of a shape is computed again
-    from the shape: energy, residuals, inertia, linking number, contact, geometry. The exit code is 4 when
-    anything differs.
+    Files are compared with their committed hashes. All that follows from the stored shape is recomputed:
+    energy, residuals, inertia, linking number, contact, geometry. The exit code is 4 if anything differs.
     """
     if continuum:
         return show_continuum(settings, ref)
@@ -52,7 +51,7 @@ def document(found: verifying.Verification) -> dict[str, object]:
 
 
 def conclude(settings: Settings, found: verifying.Verification) -> int:
-    """Say in a line how it went; return the exit code."""
+    """Print the result in a line; return the exit code."""
     if not (found.runs or found.states or found.problems):
         say(settings, f"no runs in {settings.root} (see --runs): nothing to verify")
         return 0
@@ -63,5 +62,5 @@ def conclude(settings: Settings, found: verifying.Verification) -> int:
         return 0
     count = len(found.problems)
     problems = f"{count} problem{'s' * (count != 1)}"
-    complain(f"ribbon: {problems} in {what}: `ribbon repair RUN` puts aside what is damaged")
+    complain(f"ribbon: {problems} in {what}: `ribbon repair RUN` sets aside what is damaged")
     return StoreError.exit_code

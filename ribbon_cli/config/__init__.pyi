@@ -5,6 +5,7 @@ from .mistakes import ConfigError as ConfigError
 from .mistakes import Mistake as Mistake
 from .parse import load_config as load_config
 from .parse import parse_config as parse_config
+from .template_files import about_template as about_template
 from .template_files import template as template
 from .template_files import templates as templates
 from .types import STOPS as STOPS

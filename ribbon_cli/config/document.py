@@ -2,7 +2,7 @@
 
 The parser's events are read one by one, so that reading stops at the first sign of a document made to
 exhaust memory or stack. Anchors, aliases, tags, directives and further documents are refused; scalars
-stay text, because YAML 1.1's own ideas (`1e-3` a string, `010` eight, `no` false) are not the users'.
+stay text, because YAML 1.1 reads them as users do not expect (`1e-3` a string, `010` eight, `no` false).
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _REFUSED = (
     ),
     (re.compile("^%", re.MULTILINE), "YAML directives (%) are not accepted: remove the line"),
 )
-"""Characters that are not taken, in the last group or the whole of a match, and what is said of them."""
+"""Characters that are refused, in the last group or the whole of a match, and the message about them."""
 
 
 @dataclass(slots=True)
@@ -43,7 +43,7 @@ class Node:
 
     A scalar has its `text` and whether it was `quoted` (a block scalar counts as such); a list its
     `items`; a mapping its keys and values, alternating, in `items`. An "invalid" node stands for one
-    about which a mistake has been recorded already: readers pass over it in silence.
+    whose mistake is already recorded: readers skip it silently.
     """
 
     line: int
@@ -79,7 +79,7 @@ def read_document(text: str, mistakes: Mistakes, loader: Any = _LOADER) -> Node 
         return None
     except yaml.MarkedYAMLError as error:
         line, column, message = explain(error)
-        # What is missing at the end is missing after the last character, not on a line below it.
+        # Report what is missing at the end after the last character, not on a line below it.
         end = position(text, len(text.rstrip(" \r\n")))
         mistakes.add(*min((line, column), end), "", message)
         return None
@@ -90,7 +90,7 @@ def read_document(text: str, mistakes: Mistakes, loader: Any = _LOADER) -> Node 
 
 
 def _fit_for_yaml(text: str, mistakes: Mistakes) -> bool:
-    """Whether the characters are such that YAML, editors and readers agree about them."""
+    """Whether YAML, editors and readers agree about all characters."""
     if len(text) > MAX_BYTES:
         mistakes.add(0, 0, "", "larger than 1 MiB, which no config needs")
         return False
@@ -118,7 +118,7 @@ def _mapping(root: Node | None, mistakes: Mistakes) -> Node | None:
 
 
 class _Builder:
-    """Puts the parser's events together to a tree, without recursion."""
+    """Builds a tree from the parser's events, without recursion."""
 
     def __init__(self, mistakes: Mistakes) -> None:
         self.root: Node | None = None
@@ -153,7 +153,7 @@ class _Builder:
         if isinstance(event, yaml.CollectionStartEvent):
             if len(self._open) == _MAX_DEPTH:
                 self._stop(f"more than {_MAX_DEPTH} levels of nesting, which no config needs")
-            # What a refused collection holds is still read, and hangs on its invalid node.
+            # The contents of a refused collection are still read, below its invalid node.
             self._open.append(node)
 
     def _node(self, event: yaml.NodeEvent) -> Node:

@@ -18,7 +18,7 @@ _NO_GUESS = Guess("")
 
 
 def initial_guess(reader: Reader, node: Node | None, half_twists: Topology, folder: str) -> Guess:
-    """The initial guess, without what is wrong in it. `folder` is the config file's own."""
+    """The initial guess, without its mistakes. `folder` is the config file's own."""
     if node is None:
         return _NO_GUESS
     if node.kind != "mapping":
@@ -33,15 +33,15 @@ def initial_guess(reader: Reader, node: Node | None, half_twists: Topology, fold
 
 
 def _recipe(reader: Reader, node: Node, named: str, half_twists: Topology) -> Guess:
-    """A recipe with its settings; of a recipe that there is not, the settings of all are known."""
+    """A recipe with its settings; for an unknown recipe, the settings of all recipes are accepted."""
     name = named if named in RECIPES else ""
     recipes = [RECIPES[name]] if name else list(RECIPES.values())
     keys = {key.name: key for recipe in recipes for key in recipe.all_keys}
     if not name:
         keys = {key.name: replace(key, required="") for key in keys.values()}
     refused = {
-        "state": "cannot stand beside a recipe: keep one of the two",
-        "saddle": "goes with a state, {state: ..., saddle: keep}: what a recipe leads to is not kept as one",
+        "state": "cannot be combined with a recipe: keep one of the two",
+        "saddle": "goes with a state, {state: ..., saddle: keep}: the result of a recipe is not kept as one",
     }
     found = reader.section(node, "initial_guess", Section((RECIPE, *keys.values()), name), refused)
     values = found.values()
@@ -67,7 +67,7 @@ def _recipe(reader: Reader, node: Node, named: str, half_twists: Topology) -> Gu
 
 
 def _misfit(name: str, topology: int | str) -> str | None:
-    """Why the recipe cannot make a strip, or so many half-twists, and which can; None if it can."""
+    """Why the recipe cannot make a strip, or this number of half-twists, and which can; None if it can."""
 
     def fits(other: str) -> bool:
         recipe = RECIPES[other]
@@ -87,7 +87,7 @@ def _misfit(name: str, topology: int | str) -> str | None:
 
 
 def _state(reader: Reader, node: Node, given: list[str], folder: str) -> Guess:
-    """A stored state, which brings its own segments and half-width."""
+    """A stored state, which has its own segments and half-width."""
     settings = [key.name for recipe in RECIPES.values() for key in recipe.all_keys]
     refused = dict.fromkeys(settings, "does not go with a state: remove it")
     refused |= dict.fromkeys(("segments", "half_width"), "comes with the state: remove it")

@@ -9,7 +9,7 @@ from difflib import get_close_matches
 from ribbon_cli.errors import UsageError
 
 MOST_MISTAKES = 50
-"""Reading stops here: nobody mends more at once, and a hostile file must not cost more."""
+"""Reading stops here: nobody corrects more at once, and a hostile file must not cost more."""
 
 _SHOWN = 48  # characters of a value quoted in a message
 

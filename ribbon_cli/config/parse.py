@@ -59,7 +59,7 @@ def parse_config(text: str, path: str | os.PathLike[str]) -> Config:
         else:
             widths = given
     elif "widths" in top:
-        found.report("schedule", "cannot stand beside widths, its short form: keep one of the two")
+        found.report("schedule", "cannot be combined with widths, its short form: keep one of the two")
     elif parts is not None:
         legs, branch = schedule(reader, top["schedule"], kind, parts, guess.half_width or math.nan)
     ends = half_widths_of(legs, guess.half_width) if legs else widths
@@ -67,7 +67,8 @@ def parse_config(text: str, path: str | os.PathLike[str]) -> Config:
     if branch and not legs and len(refinement.levels) > 1:
         found.report("refinement", "a branch is followed on one level: leave it out, use `ribbon refine`")
     if guess.keep_saddle and (legs or not branch):
-        keep = "keep goes with a branch, widths: {arclength: {to: ...}}: other schedules pass among minima"
+        branches = "keep goes with a branch, widths: {arclength: {to: ...}}"
+        keep = f"{branches}: other schedules go from minimum to minimum"
         reader.report(top["initial_guess"], "initial_guess.saddle", keep)
     spectrum = SpectrumRequest()
     if "spectrum" in top:
@@ -97,7 +98,7 @@ def _stem(reader: Reader, root: Node, path: str) -> str:
     """The file's stem, a run's name by default; it becomes a folder's, so no path can hide in it."""
     stem = Path(path).stem
     if not NAME.fits(stem):
-        mistake = f"is missing, and the file's {stem[:40]!a} cannot stand for it"
+        mistake = f"is missing, and the file's {stem[:40]!a} cannot be used for it"
         reader.report(root, "name", f"{mistake}: give {NAME.expected}")
     return stem
 
@@ -128,7 +129,8 @@ def _other_file(file: str) -> str:
         near = [entry for entry in os.listdir(folder or ".") if entry.endswith((".yaml", ".yml"))]
     except OSError:
         return ""
-    meant = near_miss(name, near[:1000])
+    meant = next((entry for entry in near if os.path.splitext(entry)[0] == name), None)
+    meant = meant or near_miss(name, near[:1000])
     return f": did you mean {shown(os.path.join(folder, meant))}?" if meant else ""
 
 

@@ -28,7 +28,7 @@ def is_null(node: Node) -> bool:
 
 
 def got(node: Node) -> str:
-    """What stands at the node, for the end of a message."""
+    """A description of the node's value, for the end of a message."""
     if node.kind == "list":
         return "a list"
     if node.kind == "mapping":
@@ -62,10 +62,10 @@ class Reader:
         self._mistakes.add(node.line, node.column, field, message)
 
     def section(self, node: Node, field: str, section: Section, refused: Mapping[str, str] = _NONE) -> Found:
-        """The values of a section by key; none where the node is no mapping.
+        """The values of a section by key; none where the node is not a mapping.
 
-        Keys must be the section's and given once, with a value. `refused` says for a key that must not be
-        there why. A key with a mistake, or whose name was most likely misspelt, has an invalid node.
+        Keys must belong to the section and be given once, with a value. `refused` gives the reason why a key
+        must not be there. A key with a mistake, or whose name was most likely misspelt, has an invalid node.
         """
         known = tuple(key.name for key in section.keys)
         found: dict[str, Node] = {}
@@ -92,7 +92,7 @@ class Reader:
                 found[key.text] = Node(key.line, key.column, "invalid")
             else:
                 found[key.text] = value
-        # A section made of nothing but unknown keys was meant as something else altogether.
+        # A section with only unknown keys was meant as something else.
         misunderstood = field != "" and not found and bool(first_line)
         for wanted in section.keys:
             if wanted.required and wanted.name not in found and not misunderstood:
@@ -227,7 +227,7 @@ class Reader:
         return None
 
     def wrong(self, node: Node, field: str, expected: str) -> None:
-        """Record `expected` and what stands there instead, unless the node is on record already."""
+        """Record `expected` and what was found, unless the node's mistake is already recorded."""
         if node.kind != "invalid":
             self.report(node, field, f"{expected}, got {got(node)}")
 
@@ -246,7 +246,7 @@ class Found:
         return f"{self._field}.{name}" if self._field else name
 
     def read(self, name: str) -> Any:
-        """A key's value, its default where it is not given; None where it is wrong, on record."""
+        """A key's value, or its default where it is not given; None where it is wrong (then recorded)."""
         key = self._keys[name]
         if name in self.nodes:
             return self._reader.read(self.nodes[name], self.path(name), key.takes)

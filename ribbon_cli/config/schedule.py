@@ -72,7 +72,7 @@ def _leg(reader: Reader, found: Found) -> Leg | None:
     for (first, one), (second, other) in zip(list(steps.items())[:-1], list(steps.items())[1:], strict=True):
         if one != other:
             found.report(
-                second, f"takes {other} steps and {first} {one}: what moves in one leg moves together"
+                second, f"takes {other} steps and {first} {one}: the parameters of one leg move together"
             )
     known = {name: value for name, value in to.items() if value is not None}
     if not known or len(known) < len(to):

@@ -1,7 +1,7 @@
-"""The sections of a config, each read by a function that returns what it could make of them.
+"""The sections of a config, each read by a function that returns what it could read.
 
-Where a value is wrong, the problem is recorded and None (or nothing) stands for it, so that the sections
-after it can still be checked for what does not depend on it.
+Where a value is wrong, the problem is recorded and the value is None (or left out). So the sections after it
+can still be checked as far as they do not depend on it.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def widths(reader: Reader, node: Node | None, guess: Guess) -> tuple[float, ...]
 
 
 def _branch(reader: Reader, node: Node, guess: Guess) -> Arclength:
-    """What a branch is followed for; its start, `to` and `back_to` must differ."""
+    """The request for a branch; its start, `to` and `back_to` must differ."""
     refused = "does not go with arclength: give it inside of arclength"
     outer = reader.section(node, "widths", BRANCH, dict.fromkeys((key.name for key in RANGE.keys), refused))
     found = reader.section(outer.nodes["arclength"], "widths.arclength", ARCLENGTH)
@@ -87,7 +87,7 @@ def _width_range(reader: Reader, node: Node) -> tuple[float, ...] | None:
     # The last one exactly as written, whatever the rounding of the formula.
     values = (*(first + j * (last - first) / steps for j in range(steps)), last)
     if any(same_width(a, b) for a, b in pairwise(values)):
-        found.report("steps", f"must leave the widths apart, got {steps}: take fewer")
+        found.report("steps", f"must keep the widths distinct, got {steps}: take fewer")
         return None
     return values
 

@@ -1,4 +1,4 @@
-"""What a config's problem is made of: topology, ends, material and loads, and what cannot be solved of it."""
+"""The parts of a problem: topology, ends, material and loads; and which problems cannot be solved."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def _section(reader: Reader, top: Found, name: str, section: Section) -> dict[st
 
 
 def _ends(reader: Reader, node: Node, values: Mapping[str, Any]) -> Ends | None:
-    """The ends; of a free one nothing else may be said."""
+    """The ends; a free end takes no other keys."""
     before = reader.count
     given = {key.text: key for key in node.items[::2]}
     if values["end"] == FREE:
@@ -94,7 +94,7 @@ def _ends(reader: Reader, node: Node, values: Mapping[str, Any]) -> Ends | None:
 
 
 def _loads(values: Mapping[str, Any] | None) -> Loads:
-    """The loads, with a direction of length one; one that has it to rounding is left as it is."""
+    """The loads, with a direction of length one; a direction that has it to rounding is not changed."""
     loads = Loads(**values or {})
     length = math.hypot(*loads.gravity_direction)
     if abs(length - 1.0) <= 1e-12:
@@ -157,7 +157,7 @@ def report_not_planar(reader: Reader, top: Found, found: Parts) -> None:
 
 
 def without(name: str, kind: Topology, found: Parts) -> str:
-    """Words on a parameter that a problem does not have."""
+    """The message about a parameter that a problem does not have."""
     if found.ends is not None:
         what = "a strip with a free end"
     else:

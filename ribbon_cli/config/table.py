@@ -1,4 +1,4 @@
-"""The one table of what a config may say; reader, `ribbon schema` and the reference's table follow from it.
+"""The one table of config keys; reader, `ribbon schema` and the reference's table follow from it.
 
 A new key is a row here, and a field of the record in `types.py` that holds it. The keys of recipes are in
 their own files.
@@ -46,10 +46,10 @@ RECIPE = Key("recipe", Word(tuple(RECIPES)), "way to make the first state",
              required=f"{', '.join(RECIPES)}, or start from a state: {{state: ...}}")
 STATE = Section((
     Key("state", Text(_STATE, rf"[^/\x00-\x1f]*|[^\x00-\x1f]*\.(?:{_SUFFIX})", 1024),
-        "stored state to start from; the path of a file is seen from the config's folder",
+        "stored state to start from; the path of a file is relative to the config's folder",
         required=_STATE, examples=("my-band:12", "my-band@b=0.5,N=400", "start.npz")),
     Key("saddle", Word(("leave", "keep")),
-        "where the state is a saddle, go down to a minimum, or begin the branch at the saddle", "leave"),
+        "if the state is a saddle: descend to a minimum, or begin the branch at the saddle", "leave"),
 ), "a state", "a stored state, with its own segments and half-width")
 RANGE = Section((
     Key("from", HALF_WIDTH, "first half-width of the range", required="the first half-width"),
@@ -68,9 +68,9 @@ def arclength(value: Number, noun: str, *more: Key) -> Section:
             f"{noun} to go towards; the branch ends where it leaves the range of this, the start's and "
             "`back_to`", required=f"the {noun} to go towards"),
         Key("back_to", value, "the other end of the range"),
-        Key("both", Flag(), "go the other way too, to `back_to`", Arclength.both),
+        Key("both", Flag(), "follow the branch in the other direction too, to `back_to`", Arclength.both),
         Key("at", Items(value, 1000, once=True),
-            f"{noun}s to meet exactly, each time that the branch passes them; they become equilibria"),
+            f"{noun}s to reach exactly, each time that the branch passes them; they become equilibria"),
         *_ALONG,
     ))
 
@@ -78,10 +78,10 @@ def arclength(value: Number, noun: str, *more: Key) -> Section:
 _ALONG = (
     Key("max_step", Number(below=1.0, limit="the longest step along a branch"),
         "longest step, in the root mean square change of tangents and rulings", Arclength.max_step),
-    Key("steps", Integer(1, 100_000), "steps at most, on each branch", Arclength.steps),
+    Key("steps", Integer(1, 100_000), "largest number of steps on each branch", Arclength.steps),
     Key("stop_at", Items(Word(STOPS), len(STOPS)), "end at the first of these events"),
     Key("switch", Integer(0, 5),
-        "follow the branches that cross at branch points too, to both sides, so many times over",
+        "also follow the branches that cross at branch points, to both sides, to this depth",
         Arclength.switch),
 )
 ARCLENGTH = arclength(HALF_WIDTH, "half-width")
@@ -95,7 +95,7 @@ BRANCH = Section((
 ), about="pseudo-arclength continuation in the half-width")
 LEVELS_AT = Section((
     Key("levels", LEVEL_LIST, "numbers of segments", required="the numbers of segments"),
-    # Any number: what the widths do not hold is said of it whatever its size.
+    # Any number: one that is not among the widths is reported whatever its size.
     Key("at", Items(Number(), WIDTH_LIST.at_most, once=True), "half-widths that are refined",
         otherwise="all"),
 ))
@@ -124,7 +124,7 @@ ENDS = Section((
 MATERIAL = Section((
     Key("natural_curvature", SIGNED, "curvature of the midline without loads", 0),
     Key("poisson", Number(-1.0, above=-1.0, high=0.5),
-        "Poisson's ratio; it matters with a natural curvature alone", 0),
+        "Poisson's ratio; it matters only with a natural curvature", 0),
 ))
 LOADS = Section((
     Key("gravity", SIGNED, "weight per area", 0),
@@ -133,7 +133,7 @@ LOADS = Section((
     Key("end_force", Vector(SIGNED), "dead force on the end's midpoint", Loads.end_force),
     Key("point_force", Vector(SIGNED), "dead force on a point of the midline", Loads.point_force),
     Key("point_at", Number(below=1.0, limit="the midline's end"),
-        "where it acts: a part of the length, from the start", Loads.point_at),
+        "where it acts, as a fraction of the length from the start", Loads.point_at),
 ))
 TOPOLOGY = Section((
     Key("half_twists", Integer(-100, 100), "n half-twists, Lk = n/2, the sign is the handedness",
@@ -151,7 +151,7 @@ REFINEMENT = Either((LEVEL_LIST, LEVELS_AT),
     "a list as [50, 100, 200], or {levels: [50, 100, 200], at: [0.5]}")
 SPECTRUM = Section((
     Key("modes", Integer(0, 1000), "lowest modes stored with each equilibrium", SpectrumRequest.modes),
-    Key("full_up_to", Integer(0, 2000), "up to which N the whole spectrum is stored",
+    Key("full_up_to", Integer(0, 2000), "largest N at which the whole spectrum is stored",
         SpectrumRequest.full_up_to),
     Key("metrics", Items(Word(METRICS), len(METRICS), once=True), "metrics of the spectra",
         SpectrumRequest.metrics),
@@ -187,6 +187,6 @@ CONFIG = Section((
         "widths that are refined", otherwise="the guess's N",
         examples=([50, 100, 200], {"levels": [50, 100, 200], "at": [0.5]})),
     Key("spectrum", SPECTRUM, "how much of the eigen-spectrum to store"),
-    Key("contact", Word(("record", "stop")), "when the band meets itself, note it and go on; or stop",
+    Key("contact", Word(("record", "stop")), "when the band meets itself: record it and continue, or stop",
         "record"),
 ))

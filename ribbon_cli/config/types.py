@@ -68,9 +68,9 @@ STOPS = ("fold", "stability-lost", "contact")
 
 @dataclass(frozen=True)
 class Arclength:
-    """What a branch is followed for, by pseudo-arclength continuation in a `parameter`, the half-width b.
+    """A request to follow a branch by pseudo-arclength continuation in a `parameter`, the half-width b.
 
-    It begins towards `to`, with `both` also the other way, and ends where b leaves the range of the start's
+    It begins towards `to`, with `both` in both directions, and ends where b leaves the range of the start's
     width, `to` and `back_to`; at the first of the events in `stop_at`; or after `steps`. The widths `at`
     are met exactly. `max_step` is the longest step, in the rms change of tangents and rulings. `switch` is
     how many times over the branches that cross at branch points are followed too.
@@ -216,7 +216,7 @@ def _recipe(guess: Guess) -> dict[str, Any]:
 
 
 def _said(record: Arclength) -> dict[str, Any]:
-    """The fields of a record that say something, in a config's own layout."""
+    """The fields of a record that are not empty, in a config's own layout."""
     said = {name: value for name, value in vars(record).items() if value and value != HALF_WIDTH}
     return {name: list(value) if isinstance(value, tuple) else value for name, value in said.items()}
 

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ribbon_cli.store import StateRecord
+
 Array = NDArray[np.float64]
 
 DIRECTIONS = 160
@@ -70,23 +72,46 @@ def principal_axes(points: Array) -> Array:
 
 def view_in_axes(corners: Array, azimuth: float, elevation: float) -> View:
     """The view at an azimuth and an elevation, in degrees, in the band's principal axes."""
-    axes = principal_axes(corners.reshape(-1, 3))
+    return view_at(principal_axes(corners.reshape(-1, 3)), azimuth, elevation)
+
+
+def view_at(axes: Array, azimuth: float, elevation: float) -> View:
+    """The same in axes (3, 3) as rows: level, up and towards the eye."""
     a, e = math.radians(azimuth), math.radians(elevation)
     eye = np.array([math.cos(e) * math.sin(a), math.sin(e), math.cos(e) * math.cos(a)])
     return view_along(eye @ axes, axes[1])
 
 
-CLAMPED_VIEW = view_along(np.array([0.28, 0.5, 0.82]), np.array([0.0, 1.0, 0.0]))
-"""Of strips with ends: the start's tangent to the right, and what buckles to +y upwards."""
+STRIP_ANGLES = (19.0, 30.0)
+"""Azimuth and elevation from which a strip is seen: its start's tangent leads to the right."""
 
 
-def chosen_view(corners: Array, angles: tuple[float, float] | None, held: bool = False) -> View:
+def strip_axes(record: StateRecord) -> Array | None:
+    """The axes (3, 3) in which a strip with ends is seen, None of a closed band: its weight pulls down.
+
+    They are those of the start's frame, x, y and z, where the weight acts along -y, as it does unless a
+    config says otherwise; turned with it by the least angle else, about the tangent x where it acts along +y.
+    """
+    if record.parts.ends is None:
+        return None
+    up = -np.asarray(record.parts.loads.gravity_direction)
+    x, y, z = up / np.linalg.norm(up)
+    if 1.0 + y < 1e-9:
+        return np.diag([1.0, -1.0, -1.0])
+    # Rodrigues' formula for the turn about y x up, whose columns are the new axes.
+    spin = np.array([[0.0, x, 0.0], [-x, 0.0, -z], [0.0, z, 0.0]])
+    axes: Array = (np.eye(3) + spin + spin @ spin / (1.0 + y)).T
+    return axes
+
+
+def chosen_view(corners: Array, angles: tuple[float, float] | None, axes: Array | None = None) -> View:
     """The view of facets (N, 4, 3) at an azimuth and an elevation in degrees, or the automatic one.
 
-    A strip that is `held` at its ends is seen from one side whatever its shape.
+    Angles are in the `axes` of a strip, which is seen from one side whatever its shape, else in principal
+    ones.
     """
-    if angles is None and held:
-        return CLAMPED_VIEW
+    if axes is not None:
+        return view_at(axes, *(angles or STRIP_ANGLES))
     return automatic_view(corners) if angles is None else view_in_axes(corners, *angles)
 
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from ribbon_cli.export.align import turned_alike
 from ribbon_cli.export.fields import even_window, field
 from ribbon_cli.export.mesh import FACET_FIELDS, ODD_FIELDS, facet_corners, strip
-from ribbon_cli.export.view import chosen_view
+from ribbon_cli.export.view import chosen_view, strip_axes
 from ribbon_cli.export.words import verdict
 from ribbon_cli.store import StateRecord, content_sha256
 from ribbon_cli.text import visible
@@ -34,12 +34,13 @@ FIELDS = ("kappa_s", "tau", "eta", "eta_prime", "lambda_1", "lambda_2", "lambda_
 def viewer_html(records: Sequence[StateRecord], title: str, run: str | None) -> bytes:
     """The page for states in the order of its slider."""
     shapes = [facet_corners(record) for record in records]
-    held = all(record.parts.ends is not None for record in records)
+    axes = [strip_axes(record) for record in records]
     placed = [corners - corners.reshape(-1, 3).mean(axis=0) for corners in shapes]
-    placed = placed if held else turned_alike(shapes)
+    if any(own is None for own in axes):
+        placed = turned_alike(shapes)
     document = {
         "title": title,
-        "turn": chosen_view(placed[-1], None, held).axes.ravel().tolist(),
+        "turn": chosen_view(placed[-1], None, axes[-1]).axes.ravel().tolist(),
         "run": run,
         "facetFields": [name for name in FIELDS if name in FACET_FIELDS],
         "oddFields": [name for name in FIELDS if name in ODD_FIELDS],

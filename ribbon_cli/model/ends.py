@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,9 +43,12 @@ def rotation(ends: Ends) -> Array:
     return out
 
 
+@lru_cache(maxsize=8)
 def finish_frame(ends: Ends) -> EndFrame:
-    """The end's tangent R e_x and ruling g_{N+1} = R (end_eta e_x + e_z)."""
-    return _framed(rotation(ends), ends)
+    """The end's tangent R e_x and ruling g_{N+1} = R (end_eta e_x + e_z), not to be written to."""
+    frame = _framed(rotation(ends), ends)
+    frame.tangent.flags.writeable = frame.ruling.flags.writeable = False
+    return frame
 
 
 def finish_rate(ends: Ends, name: str, order: int = 1) -> EndFrame:

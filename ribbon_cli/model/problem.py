@@ -442,18 +442,23 @@ class Problem:
         forces = (term.resultant() for term in self.terms if term.load)
         return held + [force / np.linalg.norm(force) for force in forces if force.any()]
 
+    @cached_property
+    def _axes(self) -> Array | None:
+        """Axes (3, r) of the rigid rotations that keep what is held, None where nothing is."""
+        held = self._held()
+        if not held:
+            return None
+        singular, rows = np.linalg.svd(np.vstack([-_cross(v) for v in held]))[1:]
+        axes: Array = rows[singular < 1e-9].T
+        return axes
+
     def rotations(self, x: Array) -> Array:
         """Tangents (7N, r) of the rigid rotations that keep all prescribed rulings, r <= 3.
 
         Columns are orthonormal in the Euclidean metric.
         """
-        held = self._held()
-        axes = np.eye(3)
-        if held:
-            stacked = np.vstack([-_cross(v) for v in held])
-            singular, rows = np.linalg.svd(stacked)[1:]
-            axes = rows[singular < 1e-9].T
-        if not axes.shape[1]:
+        axes = self._axes
+        if axes is not None and not axes.shape[1]:
             return np.zeros((self.size, 0))
         y = x.reshape(-1, 7)
         spun = np.zeros((self.band.segments, 7, 3))
@@ -463,7 +468,7 @@ class Problem:
             for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
                 spun[:, first + i, j] = v[:, k]
                 spun[:, first + j, i] = -v[:, k]
-        out = spun @ axes if held else spun
+        out = spun if axes is None else spun @ axes
         flat = out.reshape(self.size, -1)
         flat[self.fixed] = 0.0
         try:

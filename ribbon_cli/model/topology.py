@@ -23,6 +23,7 @@ import scipy
 from numpy.typing import NDArray
 
 from .band import Array
+from .stencil import dot
 
 IntArray = NDArray[np.intp]
 Clamp = tuple[Array, Array]
@@ -115,15 +116,33 @@ def open_writhe(vertices: Array) -> float:
     count = len(vertices) - 1
     if count > OPEN_EDGES:
         vertices = vertices[np.round(np.linspace(0, count, OPEN_EDGES + 1)).astype(int)]
-    start, stop = vertices[:-1], vertices[1:]
-    total, n = 0.0, len(start)
-    for first in range(0, n, OPEN_ROWS):
-        i, j = np.triu_indices(min(OPEN_ROWS, n - first), k=2, m=n - first)
-        i, j = i + first, j + first
-        area = _solid_angle(start[j] - start[i], stop[j] - start[i], stop[j] - stop[i])
-        area += _solid_angle(start[j] - start[i], stop[j] - stop[i], start[j] - stop[i])
-        total += float(np.sum(area))
+    total, edges = 0.0, np.diff(vertices, axis=0).T
+    for first in range(0, edges.shape[1] - 2, OPEN_ROWS):
+        total += float(np.sum(np.triu(_areas(vertices.T, edges, first))))
     return -total / math.tau
+
+
+def _areas(vertices: Array, edges: Array, first: int) -> Array:
+    """Areas as in `writhe_reference`, of the edges from `first` on with those from the next but one on.
+
+    Both triangles of a quadrilateral have the volume r13 . (e_i x e_j), as r14 = r13 + e_j and so on.
+    """
+    last = min(first + OPEN_ROWS, edges.shape[1] - 2)
+    apart = vertices[:, None, first + 2 :] - vertices[:, first : last + 1, None]
+    far = np.sqrt(dot(apart, apart))
+    one, other = edges[:, first:last, None], edges[:, None, first + 2 :]
+    r13, r14, r23, r24 = apart[:, :-1, :-1], apart[:, :-1, 1:], apart[:, 1:, :-1], apart[:, 1:, 1:]
+    n13, n14, n23, n24 = far[:-1, :-1], far[:-1, 1:], far[1:, :-1], far[1:, 1:]
+    volume = (
+        r13[0] * (one[1] * other[2] - one[2] * other[1])
+        + r13[1] * (one[2] * other[0] - one[0] * other[2])
+        + r13[2] * (one[0] * other[1] - one[1] * other[0])
+    )
+    across = n13 * n24 + dot(r13, r24)
+    before = n14 * across + dot(r13, r14) * n24 + dot(r14, r24) * n13
+    after = n23 * across + dot(r24, r23) * n13 + dot(r23, r13) * n24
+    area: Array = 2.0 * (np.arctan2(volume, before) + np.arctan2(volume, after))
+    return area
 
 
 def twist(u: Array, g: Array, sigma: int) -> float:

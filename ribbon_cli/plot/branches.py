@@ -35,6 +35,10 @@ DWARFED = 100.0
 """Ratio of the largest eigenvalue to the median beyond which a linear scale shows most as zero."""
 ROW_SHARE = 0.4
 """Height of a row of panels as a part of the width."""
+HELD_SHARE = 0.34
+"""The same of four panels in two rows."""
+FORCE = "end's force along $y$"
+"""Title of a strip's fourth panel."""
 
 
 def arclength_figure(
@@ -43,32 +47,46 @@ def arclength_figure(
     style: Style,
     parameter: str = HALF_WIDTH,
 ) -> Figure:
-    """Energy, lowest eigenvalue and clearance over a parameter along branches.
+    """Energy, lowest eigenvalue and clearance over a parameter along branches, and the force across of a
+    strip's end: of two sides of a branch point that are each other's image, which have one energy, it has
+    opposite signs.
 
     `courses` are summaries of states by the name of the branch, from its start on; `starts` the lowest
     eigenvalue by label of a start that is no point of a branch. Dashes tell how many directions lead down,
     colours and small marks the branches, open marks folds, branch points and contact.
     """
-    figure, places = panels(style, 3, 3, ROW_SHARE)
+    held = all(point.reaction_force for points in courses.values() for point in points)
+    figure, places = panels(style, 4, 2, HELD_SHARE) if held else panels(style, 3, 3, ROW_SHARE)
     used: set[int | None] = set()
     for k, points in enumerate(courses.values()):
         b, energy, clearance = energies(points, parameter)
         title, ring = energy_unit(points)
         lowest = np.array([_eigenvalue(p, starts) for p in points])
         look = branch_look(k) if len(courses) > 1 else {"color": PALETTE[0]}
-        for axes, values in zip(places, (energy / ring, lowest, clearance), strict=True):
+        drawn = [energy / ring, lowest, clearance, *([_across(points)] if held else [])]
+        for axes, values in zip(places, drawn, strict=True):
             used |= draw_course(axes, points, b, values, look["color"], style)
             if len(courses) > 1:
                 first, step = spread(k, len(points))
                 axes.plot(b[first::step], values[first::step], linestyle="", zorder=3, **look)
             mark_points(axes, points, b, values, look["color"], style)
-    branch_panels(places, (title, "lowest eigenvalue", "clearance"), parameter)
+    titles = (title, "lowest eigenvalue", "clearance", *([FORCE] if held else []))
+    branch_panels(places, titles, parameter)
+    for axes in places if held else ():
+        axes.locator_params(axis="x", nbins=6)
     _tame(places[1])
-    places[1].axhline(0.0, color=LIGHT_GREY, linewidth=0.6, zorder=0)
+    for axes in places[1::2]:
+        axes.axhline(0.0, color=LIGHT_GREY, linewidth=0.6, zorder=0)
     places[2].set_ylim(bottom=0.0)
     handles = _names(courses, style) + meanings(used, [p for points in courses.values() for p in points])
     legend_above(figure, handles, rows=0)
     return figure
+
+
+def _across(points: Sequence[Summary]) -> np.ndarray:
+    """The force (n,) that what holds the end exerts along y, across the start's tangent and ruling."""
+    forces = [(point.reaction_force or (None, None, None))[1] for point in points]
+    return np.array([np.nan if force is None else force for force in forces])
 
 
 def _tame(axes: Axes) -> None:

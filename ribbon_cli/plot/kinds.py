@@ -155,6 +155,8 @@ def _several(source: Source, kind: str) -> tuple[tuple[StateRecord, ...], str]:
 def _spread_out(run: Run, segments: int | None, most: int) -> tuple[tuple[StateRecord, ...], str]:
     """At most so many widths of a run, and words for the title where that are not all of them."""
     found = branch(run, segments) if segments else finest(run)
+    if found[0].sigma == 0:  # a schedule leads where it wants: as it was walked
+        found = sorted(found, key=lambda state: state.label)
     chosen = _thinned(found, most)
     note = _without(found, chosen)
     return tuple(run.load(state.label) for state in chosen), note + left_out(run, chosen)

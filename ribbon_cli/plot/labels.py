@@ -116,7 +116,7 @@ def panel_titles(records: Sequence[StateRecord], runs: Sequence[str], letters: i
     titles = []
     for parts, record in _told(records, runs):
         known = record.kind == "auxiliary" and plain(record.stage) in parts
-        titles.append(_lines([*parts, "" if known else standing(record)], letters))
+        titles.append(lines([*parts, "" if known else standing(record)], letters))
     return titles
 
 
@@ -161,17 +161,17 @@ def _tell(parts: Sequence[list[str]], tell: Callable[[int], str]) -> None:
                 parts[k] += [text] if text else []
 
 
-def _lines(parts: Iterable[str], letters: int) -> str:
+def lines(parts: Iterable[str], letters: int) -> str:
     """Parts in lines of so many letters; one that is longer is broken by itself."""
-    lines: list[str] = []
+    found: list[str] = []
     for part in filter(None, parts):
-        if lines and _length(lines[-1]) + 2 + _length(part) <= letters:
-            lines[-1] += f", {part}"
+        if found and _length(found[-1]) + 2 + _length(part) <= letters:
+            found[-1] += f", {part}"
         elif _length(part) <= letters:
-            lines.append(part)
+            found.append(part)
         else:
-            lines += wrap(part, max(letters, 1))
-    return "\n".join(lines)
+            found += wrap(part, max(letters, 1))
+    return "\n".join(found)
 
 
 def _length(text: str) -> int:
@@ -183,11 +183,11 @@ def legend_above(figure: Figure, handles: Sequence[Artist], rows: int = 1) -> No
     """A legend above all panels; the figure grows by its lines beyond so many, which it has room for."""
     size = 0.9 * float(matplotlib.rcParams["font.size"])
     letters = int((figure.get_figwidth() * 72 / size - LEGEND_ROOM) / LEGEND_LETTER)
-    labels = [_lines(str(handle.get_label()).split(", "), letters) for handle in handles]
+    labels = [lines(str(handle.get_label()).split(", "), letters) for handle in handles]
     longest = max(_length(line) for label in labels for line in label.split("\n"))
     entry = (LEGEND_LETTER * longest + LEGEND_ROOM) * size / 72
     columns = max(1, min(len(labels), int(figure.get_figwidth() / entry)))
     figure.legend(handles, labels, loc="outside upper center", ncols=columns, handlelength=2.6)
     high = [max(label.count("\n") + 1 for label in labels[k::columns]) for k in range(columns)]
-    lines = math.ceil(len(labels) / columns) * max(high) - rows
-    figure.set_figheight(figure.get_figheight() + max(0, lines) * LEGEND_LINE * size / 72)
+    more = math.ceil(len(labels) / columns) * max(high) - rows
+    figure.set_figheight(figure.get_figheight() + max(0, more) * LEGEND_LINE * size / 72)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from ribbon_cli.export.mesh import facet_corners
-from ribbon_cli.export.view import chosen_view
+from ribbon_cli.export.view import chosen_view, strip_axes
 from ribbon_cli.plot.canvas import Figure
 from ribbon_cli.plot.figure import dressed
 from ribbon_cli.plot.shape import RULINGS, draw_shape, shown_sides
@@ -161,7 +161,7 @@ class _Frames:
         self.record, self.mode = record, mode
         self.size = amplitude(record, mode.move)
         rest = facet_corners(record)
-        self.view = chosen_view(rest, angles, record.parts.ends is not None)
+        self.view = chosen_view(rest, angles, strip_axes(record))
         flat = [self._flat(displaced(record, mode.move, s * self.size)) for s in (-1.0, 0.0, 1.0)]
         self.rest = flat[1][: record.segments]
         self.sides = shown_sides(record, self.view)

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from ribbon_cli.export.align import turn_between, turned_alike
 from ribbon_cli.export.mesh import facet_corners
-from ribbon_cli.export.view import View, chosen_view
+from ribbon_cli.export.view import View, chosen_view, strip_axes
 from ribbon_cli.export.words import standing
 from ribbon_cli.plot.canvas import Figure
-from ribbon_cli.plot.labels import place_texts
+from ribbon_cli.plot.labels import lines, place_texts
 from ribbon_cli.plot.shape import RULINGS, draw_shape, shown_sides
 from ribbon_cli.plot.style import GREY, Style
 from ribbon_cli.plot.supports import with_plates
@@ -29,7 +29,7 @@ def shape_figure(record: StateRecord, style: Style, angles: tuple[float, float] 
     None.
     """
     corners = facet_corners(record)
-    view = chosen_view(corners, angles, record.parts.ends is not None)
+    view = chosen_view(corners, angles, strip_axes(record))
     extent = np.ptp(view.project(with_plates(record))[..., :2], axis=(0, 1))
     width = style.across(0.7)
     height = width * float(np.clip(extent[1] / extent[0], 0.3, 1.2))
@@ -77,9 +77,10 @@ class Panel:
 def family_figure(
     records: Sequence[StateRecord], style: Style, angles: tuple[float, float] | None = None
 ) -> Figure:
-    """Shapes in rows at one scale and from one side, with half-widths, and which have no certificate."""
+    """Shapes in rows at one scale and from one side, what they differ in, and which have no certificate."""
+    letters = letters_across(len(records), style)
     titles = [
-        "\n".join(filter(None, (text, standing(record))))
+        lines([*text.split(", "), standing(record)], letters)
         for text, record in zip(place_texts(records), records, strict=True)
     ]
     panels = [Panel(record, title) for record, title in zip(records, titles, strict=True)]
@@ -93,11 +94,11 @@ def shapes_figure(
     else each from its own best.
     """
     corners = [facet_corners(panel.record) for panel in panels]
-    held = [panel.record.parts.ends is not None for panel in panels]
-    if aligned and not (angles is None and all(held)):
+    own = [strip_axes(panel.record) for panel in panels]
+    if aligned and any(axes is None for axes in own):
         views = _common_views(corners, angles)
     else:
-        views = [chosen_view(item, angles, ends) for item, ends in zip(corners, held, strict=True)]
+        views = [chosen_view(item, angles, axes) for item, axes in zip(corners, own, strict=True)]
     seen = [with_plates(panel.record) for panel in panels]
     boxes = [np.ptp(view.project(c)[..., :2], axis=(0, 1)) for view, c in zip(views, seen, strict=True)]
     columns = _columns(len(panels), style)

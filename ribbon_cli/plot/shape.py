@@ -11,7 +11,7 @@ from matplotlib.colors import to_rgb, to_rgba
 from numpy.typing import NDArray
 
 from ribbon_cli.export.mesh import facet_corners, facet_normals, strip
-from ribbon_cli.export.view import View, chosen_view
+from ribbon_cli.export.view import View, chosen_view, strip_axes
 from ribbon_cli.plot.outline import draw_lines
 from ribbon_cli.plot.painter import depth_order
 from ribbon_cli.plot.style import INK, SIDES, Style
@@ -44,7 +44,7 @@ def draw_shape(
     that is given.
     """
     corners, pieces = facet_corners(record), strip(record)
-    view = view or chosen_view(corners, None, record.parts.ends is not None)
+    view = view or chosen_view(corners, None, strip_axes(record))
     middle, held = middle_of(record, corners), plates(record)
     flat = view.project(corners - middle)
     every = np.concatenate((flat, view.project(held - middle))) if len(held) else flat

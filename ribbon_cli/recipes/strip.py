@@ -53,7 +53,7 @@ def elastica(band: Band) -> State:
     if coarse.segments < band.segments:
         middles, own = (_middles(each) for each in (coarse, band))
         angles = scipy.interpolate.CubicSpline(middles, angles)(own)
-    return _state(band, ends, angles)
+    return _state(band, angles)
 
 
 def _middles(band: Band) -> Array:
@@ -61,7 +61,7 @@ def _middles(band: Band) -> Array:
     return out
 
 
-def _state(band: Band, ends: Ends, angles: Array) -> State:
+def _state(band: Band, angles: Array) -> State:
     n = band.segments
     u = np.column_stack((np.cos(angles), np.sin(angles), np.zeros(n)))
     g = np.tile(np.array([0.0, 0.0, 1.0]), (n, 1))

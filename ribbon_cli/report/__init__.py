@@ -1,4 +1,4 @@
-"""Tables, plots and exports. Reads states, never solves."""
+"""Tables and comparisons. Reads states, never solves."""
 
 from ribbon_cli.doors import door
 

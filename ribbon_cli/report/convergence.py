@@ -195,10 +195,8 @@ def _extrapolate(half_width: float, group: Mapping[int, Entry], length: float) -
     if group[chain[0]].breaks:
         aside += f"; without N < {chain[0]}, another minimum"
     if len(chain) < 3:
-        meshes = f"at N = {finest // 4}, {finest // 2} and {finest}"
-        if finest % 4:
-            meshes = f"at three N, each the double of the last, and N = {finest} is not twice an even number"
-        reason = f"an order needs certified energies {meshes}{aside}"
+        lacking = " and ".join(str(finest * 2**k) for k in range(1, 4 - len(chain)))
+        reason = f"an order needs certified energies at N = {lacking} as well{aside}"
         return Extrapolation(half_width, finest, energies[-1], None, None, False, reason)
     error, order, unsettled = _judge(energies, length / finest / half_width)
     if unsettled:

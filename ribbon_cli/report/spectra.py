@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from ribbon_cli.report.convergence import Others
 from ribbon_cli.report.tables import csv_text
 from ribbon_cli.store.log import to_json
 from ribbon_cli.text import aligned, pipes
@@ -87,7 +88,9 @@ class Group:
 
 @dataclass(frozen=True)
 class StateSpectrum(Told):
-    """What is told of one state's spectrum; `run` is None for a state from elsewhere."""
+    """What is told of one state's spectrum; `run` is None for a state from elsewhere, `parameters` of a band
+    that closes.
+    """
 
     run: str | None
     label: int
@@ -106,6 +109,14 @@ class StateSpectrum(Told):
     symmetry: Group
     symmetries: tuple[str, ...]
     modes: tuple[Mode, ...]
+    parameters: Mapping[str, float] | None = None
+
+    def document(self) -> dict[str, Any]:
+        """As of any, with `parameters` of strips alone."""
+        plain = super().document()
+        if self.parameters is None:
+            del plain["parameters"]
+        return plain
 
 
 @dataclass(frozen=True)
@@ -116,11 +127,16 @@ class RunSpectra(Told):
     metric: str
     states: tuple[StateSpectrum, ...]
 
+    def document(self) -> dict[str, Any]:
+        """As of any, state by state."""
+        return super().document() | {"states": [state.document() for state in self.states]}
+
 
 @dataclass(frozen=True)
 class ModeSequence:
     """One mode at one half-width over N, ascending.
 
+    `others` are the parameters besides b that the run's states differ in: several values are never mixed.
     `label` is sliding, mode or checkerboard; `number` counts within the label from 1. `orders` belong to
     the first N of each three that double; of the sliding mode, which falls to zero, to the first of each two:
     log2(value_N / value_2N). `limit` is None for it, and where nothing can be said.
@@ -139,17 +155,31 @@ class ModeSequence:
     error: float | None
     settled: bool
     reason: str
+    others: Others = ()
+
+    @property
+    def place(self) -> str:
+        """The half-width, and other parameters where the run has several values of them."""
+        return _place(self.half_width, self.others)
 
 
 @dataclass(frozen=True)
 class SpectralTable(Told):
-    """Sequences of a run by half-width."""
+    """Sequences of a run by half-width and other parameters."""
 
     run: str
     metric: str
     formula: str
     sequences: tuple[ModeSequence, ...]
     notes: tuple[str, ...]
+
+    def document(self) -> dict[str, Any]:
+        """As of any, with `parameters` where others than the half-width vary."""
+        plain = super().document()
+        for sequence in plain["sequences"]:
+            if others := sequence.pop("others"):
+                sequence["parameters"] = dict(others)
+        return plain
 
 
 MISSING = "-"
@@ -196,10 +226,10 @@ def _convergence(told: SpectralTable, style: str) -> str:
     Text says why limits are settled or not.
     """
     blocks, notes = [], told.notes
-    for half_width, rows in _by_width(told):
-        head = f"b = {half_width:.10g}, {told.metric} metric"
+    for place, rows in _by_place(told):
+        head = f"{place}, {told.metric} metric"
         if style == "text":
-            blocks += [f"{head}: {told.formula}\n{aligned(rows)}", _reasons(told, half_width)]
+            blocks += [f"{head}: {told.formula}\n{aligned(rows)}", _reasons(told, place)]
         else:
             blocks.append(f"{head}\n\n{pipes(rows)}")
     if style == "text":
@@ -214,6 +244,7 @@ def _convergence_csv(told: SpectralTable) -> str:
     named, result = ("half_width", "label", "number", "parity"), ("limit", "error", "settled")
     rows = [
         {key: getattr(item, key) for key in named}
+        | dict(item.others)
         | {"segments": n, "value": item.values[k], "bound": item.bounds[k]}
         | {"sliding_overlap": item.overlaps[k], "order": item.orders[k]}
         | {key: getattr(item, key) for key in result}
@@ -253,9 +284,15 @@ def _run_csv(told: RunSpectra) -> str:
     return csv_text(rows)
 
 
+def _place(half_width: float, others: Iterable[tuple[str, float | None]]) -> str:
+    """A half-width and other parameters: `b = 0.05, shear = 0.3`."""
+    return f"b = {half_width:.10g}" + "".join(f", {name} = {value:.10g}" for name, value in others)
+
+
 def _heading(told: StateSpectrum) -> list[str]:
     symmetry = told.symmetry
-    place = f"b = {told.half_width:.10g}, N = {told.segments}, {told.discretisation}"
+    others = ((name, value) for name, value in (told.parameters or {}).items() if value)
+    place = f"{_place(told.half_width, others)}, N = {told.segments}, {told.discretisation}"
     lines = [
         f"{place}; {told.metric} metric: {told.formula}",
         f"symmetry {symmetry.group}, order {symmetry.order}, residual {symmetry.residual:.0e}",
@@ -266,11 +303,12 @@ def _heading(told: StateSpectrum) -> list[str]:
 
 
 def _spectrum_rows(told: StateSpectrum) -> list[list[str]]:
-    names = told.symmetries
-    rows = [["", "value", "+-", "label", "sliding", "hidden", *names]]
+    """A strip with ends slides nowhere: it has no column for that."""
+    names, slides = told.symmetries, told.parameters is None
+    rows = [["", "value", "+-", "label", *(["sliding"] if slides else []), "hidden", *names]]
     for k, mode in enumerate(told.modes, 1):
         figures = [f"{mode.value:.8g}", f"{mode.bound:.0e}", mode.label]
-        shares = [f"{mode.sliding_overlap:.4f}", f"{mode.hidden:.3f}"]
+        shares = [*([f"{mode.sliding_overlap:.4f}"] if slides else []), f"{mode.hidden:.3f}"]
         rows.append([str(k), *figures, *shares, *(_sign(mode.symmetry.get(name)) for name in names)])
     return rows
 
@@ -282,11 +320,10 @@ def _sign(character: float | None) -> str:
     return "+" if character > 0.999 else "-" if character < -0.999 else f"{character:.3f}"
 
 
-def _by_width(told: SpectralTable) -> Iterable[tuple[float, list[list[str]]]]:
-    """For each half-width the rows of its table, heads first."""
-    widths = dict.fromkeys(item.half_width for item in told.sequences)
-    for half_width in widths:
-        items = [item for item in told.sequences if item.half_width == half_width]
+def _by_place(told: SpectralTable) -> Iterable[tuple[str, list[list[str]]]]:
+    """For each half-width and other parameters the rows of their table, heads first."""
+    for place in dict.fromkeys(item.place for item in told.sequences):
+        items = [item for item in told.sequences if item.place == place]
         grid = sorted({n for item in items for n in item.segments})
         rows = [["mode", "parity", *(f"N = {n}" for n in grid), "orders", "limit"]]
         for item in items:
@@ -295,7 +332,7 @@ def _by_width(told: SpectralTable) -> Iterable[tuple[float, list[list[str]]]]:
             name = item.label if item.label == "sliding" else f"{item.label} {item.number}"
             values = [f"{known[n]:.7g}" if n in known else MISSING for n in grid]
             rows.append([name, item.parity or MISSING, *values, " ".join(orders), _limit(item)])
-        yield half_width, rows
+        yield place, rows
 
 
 def _limit(item: ModeSequence) -> str:
@@ -307,11 +344,11 @@ def _limit(item: ModeSequence) -> str:
     return f"{item.limit:.7g}{bar}" + ("" if item.settled else " ?")
 
 
-def _reasons(told: SpectralTable, half_width: float) -> str:
+def _reasons(told: SpectralTable, place: str) -> str:
     """Why limits are taken as settled or not, each reason once."""
     reasons: dict[str, list[str]] = {}
     for item in told.sequences:
-        if item.half_width == half_width and item.label != "checkerboard" and not item.settled:
+        if item.place == place and item.label != "checkerboard" and not item.settled:
             name = item.label if item.label == "sliding" else f"mode {item.number}"
             reasons.setdefault(item.reason, []).append(name)
     return "\n".join(f"{', '.join(names)}: {reason}" for reason, names in reasons.items())

@@ -7,14 +7,14 @@ hyperplane <t, z - z_0> = s, 0 <= s <= ds, found by the corrector from an interp
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
 import scipy
 
 from ..model.band import Array
-from ..parts import HALF_WIDTH
+from ..parts import HALF_WIDTH, PARAMETERS
 from .arclength import (
     TOLERANCE,
     CorrectorError,
@@ -188,7 +188,8 @@ def _crossed(point: Point, null: Tangent) -> bool:
     vector.
 
     At a fold the null vector v of K (the tangent) has v.r != 0, with r the derivative of the residual by b.
-    At the vertex of a pitchfork v.r = 0, and the branch that crosses goes on in b.
+    At the vertex of a pitchfork v.r = 0, and the branch that crosses goes on in b. Where p is a place or turn
+    of an end, r has so few entries that their products show no cancellation: see `_around`.
     """
     gradient = point.rates.gradient * null.x
     constraints = point.rates.constraints * null.multipliers
@@ -201,14 +202,18 @@ def _typed(fold: Event, before: int | None, after: int | None) -> Event:
 
 
 def _around(segment: Segment, fold: Event) -> list[Event]:
-    """A fold together with changes of the index on either side of it."""
+    """A fold together with changes of the index on either side of it.
+
+    At a fold det K changes its sign with dp/ds, and the index by one. At the vertex of a pitchfork it does
+    not: the eigenvalue that vanishes there has the same sign on either side.
+    """
     aside = min(ASIDE * segment.length, 0.5 * fold.position, 0.5 * (segment.length - fold.position))
     low, high = fold.position - aside, fold.position + aside
-    return [
-        *_changes(segment, 0.0, low),
-        _typed(fold, segment.at(low).negative, segment.at(high).negative),
-        *_changes(segment, high, segment.length),
-    ]
+    before, after = segment.at(low).negative, segment.at(high).negative
+    turn = _typed(fold, before, after)
+    if PARAMETERS[fold.point.parameter].part == "ends" and before is not None and before == after:
+        turn = replace(turn, type="branch-point")
+    return [*_changes(segment, 0.0, low), turn, *_changes(segment, high, segment.length)]
 
 
 # --- stability ---

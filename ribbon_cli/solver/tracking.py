@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -173,9 +174,19 @@ def follows(start: tuple[State, Array], end: tuple[State, Array], solve: Solver,
     """
     way = Way.between(start[0].band, end[0].band)
     try:
-        return _follows(BranchPoint.at(*start, way), BranchPoint.at(*end, way), solve, parts)
+        return _follows(_known(*start, way), _known(*end, way), solve, parts)
     except FactorisationError:
         return False
+
+
+def _known(state: State, multipliers: Array, way: Way) -> BranchPoint:
+    """The slopes at a stationary point; where one step ends the next begins, with the same slopes."""
+    return _slopes(state.band, state.vector().tobytes(), multipliers.tobytes(), way)
+
+
+@lru_cache(maxsize=2)
+def _slopes(band: Band, x: bytes, multipliers: bytes, way: Way) -> BranchPoint:
+    return BranchPoint.at(State.from_vector(band, np.frombuffer(x)), np.frombuffer(multipliers), way)
 
 
 def _follows(a: BranchPoint, b: BranchPoint, solve: Solver, parts: int) -> bool:

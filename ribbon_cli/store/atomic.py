@@ -1,4 +1,4 @@
-"""Files that appear whole or not at all, whatever kills the process or fills the disk.
+"""Files that appear whole or not at all, even if the process is killed or the disk is full.
 
 Every system call goes through the `os` module by name, so that tests can make any one of them fail.
 """
@@ -93,7 +93,7 @@ def temporary_name(path: Path) -> Path:
 
 
 def is_temporary(name: str) -> bool:
-    """Whether a name is one that `temporary_name` gives: no other program's, whatever else lies there."""
+    """Whether a name was given by `temporary_name` and not by another program."""
     return _NAMED.fullmatch(name) is not None
 
 
@@ -143,7 +143,7 @@ def publish(temporary: Path, path: Path, overwrite: bool) -> None:
     try:
         sync_folder(path.parent)
     except BaseException:
-        # Its name may not survive a power cut, so the caller must not be told either way: take it back.
+        # Its name may not survive a power cut, so neither success nor failure would be true: take it back.
         if not overwrite:
             with suppress(OSError):
                 os.unlink(path)

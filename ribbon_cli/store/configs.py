@@ -39,7 +39,7 @@ def differing(folder: Path, hashes: Mapping[str, str]) -> Iterator[tuple[Path, s
 
 
 def require(folder: Path, events: Iterable[Event]) -> None:
-    """Refuse to go on where a config file was changed or is gone: new states would say that they came of it.
+    """Refuse to continue if a config file was changed or is gone: new states would claim to come from it.
 
     Raises StoreError.
     """

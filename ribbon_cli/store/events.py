@@ -1,6 +1,6 @@
 """The lines of a run's log, by kind.
 
-Whatever a line's checksum, what readers take for granted is checked here.
+What readers rely on is checked here, whatever a line's checksum says.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ _STAGE_GIVEN_UP = {
 BRANCH_END = "branch-end"
 """The event that says why a branch ends."""
 GIVEN_UP = "stage-given-up"
-"""The event of a stage that was not reached from a state, and that the same command need not try again."""
+"""The event of a stage that could not be reached from a state; the same command need not try it again."""
 REMOVED = "states-removed"
-"""The event that takes states out of a run: once it is in the log they are gone, whatever files are left."""
+"""The event that removes states from a run: once it is in the log they are gone, even if files are left."""
 
 Place = tuple[float | None, int]
 """A half-width, None where it is not known, and N."""
@@ -42,7 +42,7 @@ Place = tuple[float | None, int]
 
 @dataclass(frozen=True)
 class Event:
-    """A line of the log. `document` is all that it says, also what only a newer version understands."""
+    """A line of the log. `document` holds all of it, including what only a newer version understands."""
 
     kind: str
     time: str
@@ -98,7 +98,7 @@ class BranchEnd(Event):
 
 @dataclass(frozen=True)
 class GivenUp(Event):
-    """How a stage ended in vain that was solved for from the state with the label `parent`."""
+    """How a stage failed that was solved for from the state with the label `parent`."""
 
     stage: str
     parent: int
@@ -108,14 +108,14 @@ class GivenUp(Event):
 
 @dataclass(frozen=True)
 class Removed(Event):
-    """States that were taken out of the run, and branches whose ends count no longer."""
+    """States that were removed from the run, and branches whose ends no longer count."""
 
     labels: tuple[int, ...]
     branches: tuple[str, ...]
 
 
 def read_event(document: Any) -> Event:
-    """Return an event of a run's log, unknown kinds too. Raises ValueError for what is none."""
+    """Return an event of a run's log, also of unknown kind. Raises ValueError for anything else."""
     if not isinstance(document, dict) or not isinstance(document.get("event"), str):
         raise ValueError("it is not an event")
     if not isinstance(document.get("time"), str):

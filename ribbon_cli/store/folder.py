@@ -1,4 +1,4 @@
-"""What lies where in a run's folder, and how such a folder comes into being."""
+"""The layout of a run's folder, and how such a folder is made."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _ABANDONED = 3600.0
 
 
 def is_run(path: Path) -> bool:
-    """Whether a folder is a run's, be it one that has lost a file; one that cannot be looked into is by its
+    """Whether a folder is a run's, even one that has lost a file; an unreadable folder is judged by its
     name.
     """
     if path.name.startswith("."):
@@ -132,7 +132,7 @@ def _has_lock_alone(path: Path) -> bool:
 
 
 def _clear(path: Path) -> None:
-    """Take a folder away that is no run. Raises OSError."""
+    """Remove a folder that is not a run. Raises OSError."""
     other = temporary_name(path)
     os.rename(path, other)
     if is_run(other):  # another process has put a run there meanwhile
@@ -165,7 +165,7 @@ def remove(path: Path) -> None:
 def remove_abandoned(root: Path) -> None:
     """Remove folders that a killed process was creating, removing or repeating a run in long ago.
 
-    None that bears another name, or in which a run is being written. Failures do no harm and are ignored.
+    Folders with other names, or in which a run is being written, are kept. Failures are harmless and ignored.
     """
     with suppress(OSError):
         for path in [path for path in root.iterdir() if is_temporary(path.name)]:

@@ -1,7 +1,7 @@
-"""State files: a record to the bytes of an HDF5 file, and back with every check.
+"""State files: from a record to the bytes of an HDF5 file, and back with all checks.
 
-The file is made as an image in memory: the HDF5 library never touches a file on disk, and whether one is
-whole is decided by whoever writes and hashes its bytes. h5py is imported where it is used: listings do
+The file is made as an image in memory. The HDF5 library never touches a file on disk; whoever writes and
+hashes the bytes decides whether they are whole. h5py is imported where it is used: listings do
 without it.
 """
 
@@ -44,9 +44,9 @@ PACK = "ribbon-pack"
 MAX_OBJECTS = 1000
 """Most groups and datasets that are visited; a state has less than a hundred."""
 MOST_OF_KINDS = 2**20
-"""Most bytes that the kinds of a state's events take."""
+"""Largest size in bytes of the kinds of a state's events."""
 _OF_ANY_WIDTH = {"kind", "stage", "status", "message", "method", "parent_ref"}
-"""Single texts that are of another width in each state; other texts are much the same in all of a run."""
+"""Texts whose width differs from state to state; other texts are nearly equal throughout a run."""
 _FILTERS = {1, 2, 3}  # deflate, shuffle, fletcher32: all built in, so that no plug-in is ever loaded
 UNREADABLE = (
     OSError,
@@ -342,7 +342,7 @@ def _check_root(file: h5py.File, source: str, head: str | None) -> str:
     name = text_attribute(file, "format")
     version = text_attribute(file, "format_version")
     if name == PACK:
-        raise StoreError(f"{source}: a packed run, no state: `ribbon unpack` makes a run of it again")
+        raise StoreError(f"{source}: a packed run, not a state: `ribbon unpack` restores the run")
     if name != FORMAT:
         raise ValueError(f"its format is {name!r}, not {FORMAT!r}")
     refuse_newer(version, source)

@@ -1,4 +1,4 @@
-"""One writer a run: an operating-system lock that ends with its process, and a note of who holds it.
+"""One writer for each run: an operating-system lock that ends with its process, and a note of who holds it.
 
 Where the file system has no such locks, a file that only one process can create stands in for it. That one
 outlives a killed process, so that a later writer must find out whether its holder is alive.
@@ -73,7 +73,7 @@ class RunLock:
         return self._lock is not None or self._claimed
 
     def acquire(self) -> list[str]:
-        """Take the lock without waiting; return remarks on locks that were left behind, or are of the weaker
+        """Take the lock without waiting; return remarks on locks that were left behind or are of the weaker
         kind.
 
         Raises LockedError naming the holder; StoreError when the folder cannot be written.
@@ -135,7 +135,7 @@ class RunLock:
         if os.path.lexists(self.folder / CLAIM):
             raise LockedError(self._describe_holder())
         note = self._read(HOLDER)
-        left = f"{self.folder.name}: {note.holder} ended without letting go of the run" if note else ""
+        left = f"{self.folder.name}: {note.holder} ended without releasing the run" if note else ""
         return [*remarks, *claim, left]
 
     def _drop_stale_claim(self) -> list[str]:
@@ -159,7 +159,7 @@ class RunLock:
         return [f"{self.folder.name}: removed the lock of {note.holder}, which has ended"]
 
     def release(self) -> None:
-        """Give the lock back; does nothing when it is not held."""
+        """Release the lock; does nothing if it is not held."""
         if self._claimed:
             with suppress(OSError):
                 os.unlink(self.folder / CLAIM)
@@ -168,7 +168,7 @@ class RunLock:
             return
         with suppress(OSError):
             os.unlink(self.folder / HOLDER)
-        with suppress(OSError):  # a close that fails has let go of the lock all the same
+        with suppress(OSError):  # a close that fails has released the lock nevertheless
             self._lock.release(force=True)
         self._lock = None
 
@@ -230,7 +230,7 @@ def _start(pid: int) -> str | None:
 
 
 def _living(note: _Note) -> bool:
-    """Whether a note can be of a living process; of another machine's nothing is known, which counts as
+    """Whether a note may belong to a living process; a process of another machine is unknown and counts as
     living.
     """
     if note.holder.host != socket.gethostname():

@@ -62,7 +62,7 @@ def parse_line(line: bytes) -> Event:
 
 
 def parse_json(body: bytes) -> Any:
-    """Return what a JSON text says, be it a line, a state's head or a note.
+    """Return the value of a JSON text: a line, a state's head or a note.
 
     Raises ValueError, also for what could not be written again.
     """
@@ -76,7 +76,7 @@ def parse_json(body: bytes) -> Any:
 
 
 def _no_number(word: str) -> float:
-    """Refuse what Python takes for a number, and JSON does not."""
+    """Refuse what Python reads as a number and JSON does not."""
     raise ValueError(f"{word} is no number in JSON")
 
 
@@ -192,9 +192,9 @@ class LogReader:
 
 
 def salvage_log(path: Path) -> tuple[list[Event], int]:
-    """Return the events of a damaged or missing log that can be read, and how many lines cannot.
+    """Return the readable events of a damaged or missing log, and the number of unreadable lines.
 
-    Raises StoreError where the log may well be whole, but cannot be read now.
+    Raises StoreError if the log may be whole but cannot be read now.
     """
     events: list[Event] = []
     lost = 0

@@ -1,4 +1,4 @@
-"""States as npz files, for programs that read NumPy and no HDF5."""
+"""States as npz files, for programs that read NumPy's formats and not HDF5."""
 
 from __future__ import annotations
 
@@ -165,7 +165,7 @@ def _check(found: dict[str, np.ndarray[Any, Any]]) -> dict[str, Any]:
 
 
 def _read_parts(found: Mapping[str, np.ndarray[Any, Any]]) -> Parts:
-    """Ends, material and loads of a strip. Raises ValueError for what is not."""
+    """Ends, material and loads of a strip. Raises ValueError for anything else."""
     missing = [name for name in ("g_end", "ends_start", "ends_end", "ends_span") if name not in found]
     if missing:
         raise ValueError(f"sigma is 0, an open strip's, and it has no {', '.join(missing)}")

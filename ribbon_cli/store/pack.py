@@ -188,8 +188,8 @@ def _write_file(file: h5py.File, name: str, data: bytes) -> None:
 
 
 def unpack(path: Path, root: Path) -> Run:
-    """Make the run of a packed file in `root` again, byte for byte, and return it; nothing, or a complete
-    run.
+    """Restore the run of a packed file in `root`, byte for byte, and return it: nothing or a complete run is
+    made.
 
     Raises UsageError where the run is there already, StoreError for a file that is damaged or holds no run,
     or when the run cannot be written.
@@ -197,7 +197,7 @@ def unpack(path: Path, root: Path) -> Run:
     name, files = read_pack(path)
     target = root / name
     if os.path.lexists(target):
-        raise UsageError(f"{target}: is there already: choose another folder with --runs, or set it aside")
+        raise UsageError(f"{target}: exists already: choose another folder with --runs, or set it aside")
     temporary = temporary_name(target)
     try:
         try:

@@ -1,4 +1,4 @@
-"""Which program made a state, where and when: facts of which each may be missing without harm."""
+"""Which program made a state, where and when; any of these facts may be missing."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def gather(argv: Sequence[str], config_folder: str | Path | None = None, **given
 
 @lru_cache(maxsize=1)
 def _process_facts() -> Facts:
-    """What stays the same for a process."""
+    """Facts that do not change within a process."""
     gatherers: tuple[Callable[[], Facts], ...] = (_machine, _versions, _hdf5, _blas, _threads)
     facts: Facts = {}
     for gatherer in gatherers:

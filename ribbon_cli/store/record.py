@@ -1,4 +1,4 @@
-"""What the store keeps of a state, as frozen values that know no file.
+"""What the store keeps of a state, as frozen values without a file.
 
 Arrays are float64 and C-contiguous after construction. N is the number of facets. Multipliers are
 normalised as lambda_i and gamma of Koldaev (2022), (1.58), with |u|^2 - 1. Everything is dimensionless

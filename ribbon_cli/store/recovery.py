@@ -1,4 +1,4 @@
-"""Putting a run's folder in order: after a kill, and after damage to its log.
+"""Repairs of a run's folder: after a kill, and after damage to its log.
 
 Both need the run's lock. Nothing that might be a state is ever deleted.
 """
@@ -85,7 +85,7 @@ def _delete_removed(path: Path, entry: Entry) -> str:
 
 
 def _adopt(files: Mapping[int, Path], known: Collection[int]) -> tuple[list[Event], list[str]]:
-    """Entries for whole states that are not known, and notes; what is no whole state is renamed."""
+    """Entries for whole states without a line, and notes; other files are renamed."""
     entries, notes = [], []
     for label, path in files.items():
         if label in known:
@@ -123,19 +123,19 @@ def _entry_from_file(label: int, path: Path) -> Event:
 def _summary(data: bytes, path: Path) -> dict[str, Any]:
     """Summary of a state by the bytes of its file.
 
-    Raises ValueError for a damaged file, StoreError for one of a newer format, which is none.
+    Raises ValueError for a damaged file, StoreError for one of a newer format, which is not damaged.
     """
     check_version(data, str(path))
     return check_seal(data) or Summary.of(_decoded(data, path)).to_dict()
 
 
 def _readable(document: dict[str, Any]) -> Event:
-    """What readers of the log will take. Raises ValueError: seals vouch for bytes, not for sense."""
+    """Check that readers of the log will accept it. Raises ValueError: seals vouch only for bytes."""
     return log.parse_line(log.format_line(document)[:-1])
 
 
 def repair(folder: Path) -> list[str]:
-    """Bring a run's folder to order after damage, and return a line for each thing done; nothing is deleted.
+    """Repair a run's folder after damage, and return a line for each thing done; nothing is deleted.
 
     Config files that are missing or changed are restored from what the states keep of them. State files that
     are not the committed ones are renamed to *.damaged-K, and marked as lost in the log, as are missing ones;

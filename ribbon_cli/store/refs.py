@@ -36,8 +36,10 @@ def list_runs(root: str | Path, aside: bool = False) -> list[Run]:
 
 
 def suggest(word: str, known: Iterable[str]) -> str:
-    """Return "; did you mean ...?" for the nearest known words, or nothing."""
-    near = difflib.get_close_matches(word, list(dict.fromkeys(known)), n=3, cutoff=0.6)
+    """Return "; did you mean ...?" for the nearest known words, else for those that hold it, or nothing."""
+    words = list(dict.fromkeys(known))
+    near = difflib.get_close_matches(word, words, n=3, cutoff=0.6)
+    near = near or [name for name in words if len(word) > 2 and word in name][:3]
     return f"; did you mean {' or '.join(near)}?" if near else ""
 
 
@@ -59,7 +61,7 @@ def find_run(root: str | Path, text: str) -> Run:
     if fitting:
         raise UsageError(
             f"{text!r} names more than one run: {_join(run.name for run in fitting)}; "
-            "`ribbon check CONFIG` tells which is a config's"
+            "write more of its name; `ribbon check CONFIG` tells which is a config's"
         )
     if not runs:
         raise UsageError(f"no run {text!r}: there are no runs in {root} (see --runs)")
@@ -68,7 +70,7 @@ def find_run(root: str | Path, text: str) -> Run:
 
 
 def typed(run: Run) -> str:
-    """What names a run in a command: its own name where no other has it, else its folder's, or its path."""
+    """The name of a run in a command: its own if no other has it, else its folder's, or its path."""
     name, short = named(run.path), run.short_name
     if name != run.name:
         return name
@@ -196,13 +198,13 @@ def select(
 
 
 def no_equilibria(run: Run) -> str:
-    """Why there is nothing to say of a run's equilibria, and where its other states are listed."""
+    """The message for a run without equilibria, with the command that lists its other states."""
     return f"{run.name} has no equilibria yet; `ribbon ls {typed(run)} --all` lists its states"
 
 
 def meant(states: Sequence[Summary]) -> Summary:
-    """Of states in the order stored the one that stands for them: the latest of the finest certified ones,
-    where none is certified the latest of the finest.
+    """The state that represents several, given in the order stored: the latest of the finest certified ones,
+    or if none is certified the latest of the finest.
     """
     certified = [state for state in states if state.certified]
     return max(reversed(certified or states), key=lambda state: state.segments)

@@ -1,4 +1,4 @@
-"""Where runs are looked for, and what names one in a command that is to be typed."""
+"""The folder of the runs, and the name of a run in a command that a message suggests."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def runs_root(option: str | None = None) -> Path:
 def named(folder: Path) -> str:
     """What names a run in a command without `--runs`: its folder's name, or its path where it lies elsewhere.
 
-    A message with the name alone would send its reader to another run, or to none.
+    With the name alone, the command would find another run or none.
     """
     if os.path.abspath(folder.parent) == os.path.abspath(runs_root()):
         return folder.name

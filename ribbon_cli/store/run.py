@@ -323,7 +323,7 @@ class Run:
                 os.unlink(self.state_path(label))
 
     def remove_states(self, labels: Sequence[int], branches: Sequence[str] = ()) -> None:
-        """Take states out of the run for good, and what the log says of how these branches end.
+        """Remove states from the run for good, with the log's entries on how these branches end.
 
         The log's line decides: a kill before it leaves the run as it was, one behind it leaves files that the
         next writer deletes. So does a file that cannot be deleted now, which `remarks` tells. Raises
@@ -388,7 +388,7 @@ class Run:
                 raise write_error(self.path, error) from error
 
     def repair(self) -> list[str]:
-        """Bring the run back to order after damage, and say what was done, a line each; nothing is deleted.
+        """Repair the run after damage, and return a line for each thing done; nothing is deleted.
 
         Damaged files are renamed, config files restored from the states, the log rebuilt from states and what
         can be read of it; see `recovery.repair`. Raises LockedError, StoreError.
@@ -418,7 +418,7 @@ class Run:
     def _find_next_label(self) -> int:
         """One more than any label that the log names; a lost state's is not used again.
 
-        Labels so large that no run comes to them are nobody's, and leave room for those to come.
+        Labels that no run can reach are ignored, so that there is room for new ones.
         """
         events = self.events()
         labels = [0, *(event.state.label for event in events if isinstance(event, Entry))]

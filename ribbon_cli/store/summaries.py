@@ -1,4 +1,4 @@
-"""A state in a few words: what the log, `ribbon ls` and `ribbon show` say of it."""
+"""A state's summary, as in the log, `ribbon ls` and `ribbon show`."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class BranchSummary:
 
 @dataclass(frozen=True)
 class Summary:
-    """What is known of a state without its file: the fields of `StateRecord` that layout.py marks.
+    """What is known about a state without reading its file: the fields of `StateRecord` that layout.py marks.
 
     `Run.load` reads the rest. None stands for what is absent, or is not a number.
     """

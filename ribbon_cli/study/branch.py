@@ -139,7 +139,9 @@ class Branches:
             return None, known, End(Reason.STEP_TOO_SMALL, self._at(base), f"no tangent here: {error}")
         if taken.point is not None:
             found = taken.point
-            self.walk.progress(Step(found.steps, found.energy, found.worst, found.problem.band.half_width))
+            where = "" if self.name == HALF_WIDTH else f"{found.symbol} = {found.value:g}"
+            half_width = found.problem.band.half_width
+            self.walk.progress(Step(found.steps, found.energy, found.worst, half_width, where))
         self.walk.tell(stage, taken.refused)
         events: list[StateRecord] = []
         for found_on_it in _numbered(taken.events):

@@ -41,7 +41,7 @@ _SENTENCES = {
     "turn": "no step from {turn} {start:.10g}/{count} succeeds: {message}",
     "fold": "the branch seems to turn back (fold) near {symbol} = {near:.6g}: natural continuation towards "
     "{symbol} = {end:.12g} ends, its last state is {label} at {symbol} = {start:.12g}; `ribbon continue "
-    "{state} {option}--to {end:.12g} --arclength`, or `{config}` in a config, goes on around it",
+    "{state} {option}--to {end:.12g} --arclength`, or `{config}` in a config, continues around it",
 }
 """Kinds of failures with their sentences; `message` is the status's, with its detail."""
 

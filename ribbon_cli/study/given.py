@@ -24,6 +24,8 @@ from .records import state_of
 OPEN = 1e-2
 """Distance of the ends of a midline, in parts of the length, up to which a given state is closed: what a few
 printed digits or another discretisation leave, and little enough for fold angles to make up for."""
+SAME = 1e-9
+"""Difference, relative or absolute, up to which parameters of a given strip are those of the config."""
 
 
 class Given(NamedTuple):
@@ -79,7 +81,8 @@ def _given_state(config: Config, root: Path, tell: Callable[[str], object] | Non
         _check_topology(config, sigma, ref)
         parts = data.get("parts", CLOSED)
         band = Band(n, float(data["half_width"]), length, sigma, parts=parts)
-        found = State(band, data["u"], data["g"], data["xi"])
+        g_end = None if band.closed else data["g_end"]
+        found = State(band, data["u"], data["g"], data["xi"], g_end)
     else:
         record = _record(run, label, path)
         if record.kind == "auxiliary":
@@ -90,9 +93,13 @@ def _given_state(config: Config, root: Path, tell: Callable[[str], object] | Non
         _check_topology(config, record.sigma, ref)
         found = state_of(record)
     mark = _mark(found)
-    if path.suffix == ".npz":
-        found, closing = _closed(found, ref)
-    _check_fit(config, found, ref)
+    if config.open:
+        _check_parts(config, found.band, ref)
+    else:
+        if path.suffix == ".npz":
+            found, closing = _closed(found, ref)
+        _check_closed(config, found, ref)
+    _check_level(config, found, ref)
     scale = config.length / found.band.length
     band = Band(
         found.band.segments,
@@ -100,10 +107,10 @@ def _given_state(config: Config, root: Path, tell: Callable[[str], object] | Non
         config.length,
         found.band.sigma,
         Discretisation(config.discretisation),
+        config.parts,
     )
-    return Given(
-        State(band, found.u, found.g, found.xi), f"{config.guess.state_as_written or ref} ({mark})", closing
-    )
+    name = f"{config.guess.state_as_written or ref} ({mark})"
+    return Given(State(band, found.u, found.g, found.xi, found.g_end), name, closing)
 
 
 def _check_topology(config: Config, sigma: int, ref: str) -> None:
@@ -123,7 +130,9 @@ def _closed(state: State, ref: str) -> tuple[State, Event | None]:
         return state, None
     apart = f"its ends are {significant(gap, 3)} of its length apart"
     if gap > OPEN:
-        raise UsageError(f"{ref}: not a closed band: {apart}, and up to {OPEN:g} is mended: close it first")
+        raise UsageError(
+            f"{ref}: not a closed band: {apart}, and up to {OPEN:g} is closed automatically: close it first"
+        )
     try:
         folding = close(from_state(state), state.band.sigma)
         closed = to_state(state.band, folding, facet_frames(state)[0])
@@ -145,8 +154,29 @@ def _record(run: Run | None, label: int | None, path: Path) -> StateRecord:
     return decode(path) if run is None or label is None else run.load(label)
 
 
-def _check_fit(config: Config, state: State, ref: str) -> None:
-    """Raise UsageError unless the state has the config's topology and first level."""
+def _check_parts(config: Config, band: Band, ref: str) -> None:
+    """Raise UsageError unless a strip is held and loaded as the config says, and is as long."""
+    told = [("length", band.length, config.length)]
+    for part in ("ends", "material", "loads"):
+        here, there = vars(getattr(band.parts, part)), vars(getattr(config.parts, part))
+        told += [(f"{part}.{name}", here[name], value) for name, value in there.items()]
+    for name, has, wanted in told:
+        if has != wanted and (isinstance(has, str) or not np.allclose(has, wanted, SAME, SAME, True)):
+            raise UsageError(
+                f"{ref}: has {name} = {_shown(has)}, where the config says {_shown(wanted)}: begin as "
+                "the state is, and let the schedule lead on"
+            )
+
+
+def _shown(value: object) -> str:
+    """A number, three of them, or a word, as a config has them."""
+    if isinstance(value, tuple):
+        return f"[{', '.join(map(_shown, value))}]"
+    return f"{value:.10g}" if isinstance(value, float) else str(value)
+
+
+def _check_closed(config: Config, state: State, ref: str) -> None:
+    """Raise UsageError unless a band has the config's topology."""
     try:
         lk = linking_number(state.u, state.g, state.band.sigma, state.band.h).linking_number
     except ValueError as error:
@@ -156,6 +186,10 @@ def _check_fit(config: Config, state: State, ref: str) -> None:
             f"{ref}: has Lk = {lk:.3g}, which is half_twists: {round(2 * lk)}, where the config says "
             f"topology: {{half_twists: {config.half_twists}}}"
         )
+
+
+def _check_level(config: Config, state: State, ref: str) -> None:
+    """Raise UsageError unless refinement starts with the state's number of segments."""
     levels = config.refinement.levels
     if levels and levels[0] != state.band.segments:
         raise UsageError(

@@ -124,7 +124,7 @@ class Natural:
             here = self._value(current)
             near = 0.5 * (here + min(self.beyond, key=lambda b: abs(b - here)))
             why = f"The branch seems to turn back (fold) near {self.symbol} = {near:.6g}: {why}"
-        return f"{why} --arclength goes on around folds and past losses of stability, and locates them."
+        return f"{why} --arclength continues around folds and past losses of stability, and locates them."
 
     def _solved(self, stage: Stage, start: Summary) -> Ended | Failure:
         """A minimum at a value from the state before it."""

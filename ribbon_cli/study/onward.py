@@ -36,7 +36,7 @@ def continue_state(
     taken: list[str] = []
     run, label, path = resolve_state(root, ref, taken.append)
     if run is None or label is None:
-        raise UsageError(f"{path}: not in a run, and what continue makes joins the state's run")
+        raise UsageError(f"{path}: not in a run: continue adds its results to the state's run")
     record = run.load(label)
     _check(ref, record, request)
     if natural and not record.certified:
@@ -67,7 +67,7 @@ def _check(ref: str, record: StateRecord, request: Arclength) -> None:
     if record.branch is not None and record.branch.type in ("fold", "branch-point"):
         raise UsageError(
             f"{ref}: lies on a {record.branch.type}, where no direction in "
-            f"{PARAMETERS[request.parameter].symbol} is given: name a state beside it"
+            f"{PARAMETERS[request.parameter].symbol} is given: name a neighbouring state"
         )
     name, length = request.parameter, record.length
     symbol, here = PARAMETERS[name].symbol, record.parameters.get(name)

@@ -131,22 +131,6 @@ def goals(config: Config, start: Mapping[str, float]) -> list[Goal]:
     return out
 
 
-def width_name(half_width: float, visit: int = 1) -> str:
-    """The stage that ends at a requested width; a schedule may come back to it."""
-    return place_name({HALF_WIDTH: half_width}, visit)
-
-
-def refinement_name(half_width: float, segments: int, visit: int = 1) -> str:
-    """The stage that ends at a requested width and level."""
-    return Goal({HALF_WIDTH: half_width}, visit).refined(segments)
-
-
-def width_steps(here: float, half_width: float, visit: int) -> list[tuple[str, float]]:
-    """Stage names and widths to try on the way to a width."""
-    ways = Goal({HALF_WIDTH: half_width}, visit).ways({HALF_WIDTH: here})
-    return [(name, target[HALF_WIDTH]) for name, target in ways]
-
-
 def refined_at(config: Config, half_width: float) -> tuple[int, ...]:
     """Levels beyond the first that a width is refined to."""
     at = config.refinement.at
@@ -206,23 +190,24 @@ def plan_of(config: Config, given: tuple[float, int] | None = None) -> Plan:
         stages[-1] = replace(stages[-1], name=words, kind="intermediate")
     cost = sum(_cost(config, s) for s in stages)
     what = "" if config.schedule else " in width"
-    halving = f"a step{what} that fails is halved; what that adds is not counted"
+    halving = f"a step{what} that fails is halved; the additional stages are not counted"
     moving = {goal.name for goal in planned}
     notes = (halving,) if any(stage.name in moving for stage in stages) else ()
     if branch is not None:
-        notes = (*notes, f"a branch takes up to {branch.steps} steps; what they cost is not counted")
+        notes = (*notes, f"a branch takes up to {branch.steps} steps; their cost is not counted")
     return Plan(tuple(stages), cost, (*guess_notes(config), *notes))
 
 
 def _stage(name: str, kind: str, place: Mapping[str, float], segments: int | None) -> PlannedStage:
-    """A solve at a place, of which a parameter that is not a number is not known."""
+    """A solve at a place; a parameter that is not a number is unknown."""
     known = {parameter: value for parameter, value in place.items() if not math.isnan(value)}
     return PlannedStage(name, kind, known.get(HALF_WIDTH), segments, known)
 
 
 def _refined_start(half_width: float | None, segments: int) -> str:
     """The stage that refines the freed guess, where a config names no width."""
-    return f"refined to N = {segments}" if half_width is None else refinement_name(half_width, segments)
+    named = f"refined to N = {segments}"
+    return named if half_width is None else Goal({HALF_WIDTH: half_width}).refined(segments)
 
 
 def _stays(config: Config, goal: Goal, place: Mapping[str, float]) -> bool:

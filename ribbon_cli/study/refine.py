@@ -48,7 +48,7 @@ def refine_state(
     taken: list[str] = []
     run, label, path = resolve_state(root, ref, taken.append)
     if run is None or label is None:
-        raise UsageError(f"{path}: not in a run, and what refine makes joins the state's run")
+        raise UsageError(f"{path}: not in a run: refine adds its results to the state's run")
     record = run.load(label)
     if record.kind == "auxiliary":
         raise UsageError(f"{ref}: an auxiliary state, with prescribed rulings, cannot be refined")
@@ -186,7 +186,7 @@ def _grids(ref: str, segments: int, to: int | None, levels: int | None, method: 
     return grids
 
 
-def walk_from(run: Run, record: StateRecord, progress: Progress, argv: Sequence[str], total: int = 1) -> Walk:
+def walk_from(run: Run, record: StateRecord, progress: Progress, argv: Sequence[str], total: int = 0) -> Walk:
     """The walk of a pass that begins at a stored state; the config's repository is the one that it names."""
     origin = {key: value for key, value in record.provenance.items() if key in _CONFIG_FACTS}
     everted = record.half_twists == 0 and not_everted(state_of(record)) is None

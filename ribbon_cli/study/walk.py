@@ -106,7 +106,7 @@ class Walk:
     def begin(self, stage: str, half_width: float, segments: int) -> None:
         """Announce a stage."""
         self._index += 1
-        total = max(self._total, self._index)
+        total = max(self._total, self._index) if self._total else 0
         self.progress(Begun(stage, self._index, total, half_width, segments))
 
     def tell(self, stage: str, events: Iterable[object]) -> None:

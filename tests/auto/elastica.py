@@ -97,7 +97,7 @@ def main():
     """Both folds in the tilt, at lift 0 and 0.3, and both branch points in the span."""
     raised = follow(0.75, LIFT, AT_VALUES, uzstop={LIFT: [0.3]})
     lifted = one(raised, auto.PointType.USER_SPECIFIED_VALUE)
-    points = {}
+    points = {"lifted": lifted}
     for name, point in (("fold", 0.75), ("fold, lifted", lifted)):
         points[name] = one(follow(point, TILT, AT_FOLDS), auto.PointType.FOLD)
     upward = follow(lifted, SPAN, {**AT_BRANCH_POINTS, "rl1": 0.95})
