@@ -8,8 +8,9 @@ from functools import lru_cache
 import numpy as np
 import pytest
 import scipy
-from resting_support import resting
+from resting_support import DATA, resting
 
+from ribbon_cli.model.band import Band, State
 from ribbon_cli.model.problem import Problem
 from ribbon_cli.model.touching import EDGE, FACET, VERTEX, Shape
 from ribbon_cli.model.touching_audit import audit
@@ -22,7 +23,7 @@ from ribbon_cli.solver.resting import RestingProblem
 from ribbon_cli.solver.resting_barrier import BarrierProblem
 from ribbon_cli.solver.resting_certificate import certified, on_rim
 from ribbon_cli.solver.resting_kkt import kkt_matrix
-from ribbon_cli.solver.resting_set import NoRestError, found, moved, pushing, rest_at, slopes
+from ribbon_cli.solver.resting_set import NoRestError, found, moved, pushing, rest_at, slopes, touch_down
 from ribbon_cli.solver.status import Status
 
 PI, THREE = "pi-b1.65-N100", "3pi-b0.9-N120"
@@ -215,6 +216,38 @@ def test_a_barrier_keeps_features_apart_and_its_derivatives_are_right():
     assert held.allows(x, x + 1e-9 * v)
     through = x + 1.02 * (rest.result.x - x)  # the gaps are closed at 1, and crossed beyond
     assert not held.allows(x, through)
+
+
+@pytest.mark.long
+def test_touch_down_from_both_sides():
+    """Where a band begins to touch, width, energy and the energy's slope are the same without forces."""
+    with np.load(DATA / "pi-b1.5-N50-free.npz") as kept:
+        band = Band(50, float(kept["half_width"]), sigma=-1)
+        state = State(band, kept["u"], kept["g"], kept["xi"])
+    own = solve(Problem(band), state.vector()).multipliers
+    free = rest_at(state, own)
+    low, step = band.half_width, 0.004
+    while True:
+        try:
+            free = moved(free, band.with_half_width(low + step), step, slopes(free))
+        except NoRestError:
+            break
+        low += step
+    touching = found(free, band.with_half_width(low + step), step, slopes(free))
+    assert touching.result.certified
+    down = touch_down(touching)
+    assert 0.0 < down.forces.max() < 1e-5
+    high = low + step
+    while high - low > 1e-8:
+        middle = 0.5 * (low + high)
+        try:
+            free = moved(free, band.with_half_width(middle), middle - free.band.half_width, slopes(free))
+            low = middle
+        except NoRestError:
+            high = middle
+    assert down.band.half_width == pytest.approx(high, abs=2e-8)
+    assert down.result.energy == pytest.approx(free.result.energy, abs=1e-5)
+    assert slopes(down).rise == pytest.approx(slopes(free).rise, rel=1e-6)
 
 
 @pytest.mark.long

@@ -7,10 +7,10 @@ import pytest
 from resting_support import resting
 
 from ribbon_cli.model.band import Band, State
-from ribbon_cli.model.contact import _facet_distance, _facets
+from ribbon_cli.model.contact import _facet_distance, _facets, near_facets
 from ribbon_cli.model.diagnostics import taylor_slopes
 from ribbon_cli.model.touching import EDGE, FACET, VERTEX, Shape, excluded_distance
-from ribbon_cli.model.touching_audit import Features, Motion, _edge_distances, _over_facets, audit
+from ribbon_cli.model.touching_audit import Features, Motion, _edge_distances, _over_facets, audit, corners_of
 from ribbon_cli.model.touching_barrier import barrier, nearest
 from ribbon_cli.model.touching_gaps import Pairs, arguments, gaps, places, vectors
 
@@ -166,11 +166,11 @@ def test_a_complete_passage_is_seen_in_the_motion_alone():
     """Two shapes that cross nothing, one sheet on the other's other side: only the way tells."""
     state, pairs, *_ = resting("pi-b1.65-N100")
     shape = Shape.of(state)
-    lifted, sunk = _shifted(shape, 0.02), _shifted(shape, -0.02)
+    lifted, sunk = _shifted(shape, 0.01), _shifted(shape, -0.01)
     met = Motion(lifted, sunk).passages()
     assert len(met) > 0
     assert {key[:2] for key in pairs.names()} & {key[:2] for key in met.pairs.names()}
-    assert Motion(lifted, sunk).depth(met) > 1e-4
+    assert Motion(lifted, sunk).depth(met) > 1e-5
 
 
 def _shifted(shape: Shape, by: float) -> Shape:
@@ -186,7 +186,7 @@ def _shifted(shape: Shape, by: float) -> Shape:
 def test_near_pairs_are_signed_and_within_reach():
     state, *_ = resting("pi-b1.65-N100")
     shape = Shape.of(state)
-    i, j = np.triu_indices(100, 2)
+    i, j = near_facets(corners_of(shape, shape.vertices), np.zeros(100), 0.01)
     features = Features.of((shape,), i, j)
     near = nearest(shape, features, 0.01)
     what = arguments(near)

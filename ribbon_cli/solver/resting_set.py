@@ -42,9 +42,11 @@ REACHES = (5e-4, 5e-5, 5e-6)
 """Reaches of the barrier, as parts of l, one after the other."""
 POLISH_FROM = 1
 MOST_TRACKED = 20
+LIFTED = 1e-6
+"""Force at which a contact is about to lift."""
 MOST_OPENINGS, MOST_MOVES, MOST_SHARINGS = 6, 12, 5
 APART = 1e-3
-MOST_DESCENTS = 150
+MOST_DESCENTS = 80
 BARRIER_GOAL = 1e-6
 PROXIMAL = 1e-2
 DEPENDENT = 1e-9
@@ -148,6 +150,36 @@ def moved(rest: Rest, band: Band, by: float, along: Slopes) -> Rest:
     if result.status not in STATIONARY:
         raise NoRestError(f"{result.status.value} with the same gaps")
     return _accepted(rest.state, problem, result, SLIP, result.steps, ())
+
+
+def _shortened(rest: Rest, name: str, full: float, along: Slopes) -> Rest:
+    """A step towards a force of zero, a little shorter than Newton's, or shorter still where it pulls."""
+    for part in (1.0 - LIFTED, 0.9, 0.5):
+        try:
+            value = rest.band.parameter(name) + part * full
+            return moved(rest, rest.band.with_parameter(name, value), part * full, along)
+        except NoRestError as failure:
+            why = failure
+    raise why
+
+
+def touch_down(rest: Rest, name: str = HALF_WIDTH) -> Rest:
+    """The shape of the same gaps at the value of a parameter at which the least of their forces is zero.
+
+    There a contact begins, seen from where it pushes, or lifts. Newton's method in the parameter, which stays
+    where forces push. Raises NoRestError.
+    """
+    for _ in range(MOST_TRACKED):
+        if not len(rest.forces):
+            raise NoRestError("nothing touches")
+        if rest.forces.min() <= LIFTED:
+            return rest
+        along = slopes(rest, name)
+        rates = along.multipliers[rest.problem.base.rows :]
+        k = int(np.argmin(rest.forces))
+        full = -float(rest.forces[k] / rates[k])
+        rest = _shortened(rest, name, full, along)
+    raise NoRestError("no force falls to zero")
 
 
 def _accepted(
