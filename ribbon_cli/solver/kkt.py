@@ -80,7 +80,6 @@ def _pattern(layout: Layout, rotations: int) -> Pattern:
 
 def pattern_of(upper: Scatter) -> Pattern:
     """The pattern of a symmetric matrix from that of its upper triangle, whose diagonal is full."""
-    total = upper.shape[0]
     # Sorted columns of an upper triangle end on the diagonal.
     diagonal = upper.indptr[1:].astype(np.int64) - 1
     places = np.arange(1, upper.indices.size + 1)  # not zero, which a sum would leave out
