@@ -35,7 +35,7 @@ ask = beside._Process.ask
 def counted(process, make):
     global asked
     asked += 1
-    if mode == "dying" and asked == 3:
+    if mode == "dying" and asked == 1:
         os.kill(process._pid, signal.SIGKILL)
     return ask(process, make)
 beside._Process.ask = counted
@@ -51,6 +51,8 @@ def publish(label, *made):
         raise OSError(28, "no space")
     wrote.append((label, *made))
 made = functools.partial(divmod, 7, 2)
+class Here:
+    def __call__(self): return os.getpid(), 0
 pair = beside.Beside(publish)
 """
 
@@ -83,7 +85,8 @@ def test_files_and_their_order_are_those_of_one_process(alone: Path, mode: str) 
     """Also where the second process ends."""
     code, new, asked = python(SOLVE, mode, cwd=alone).stdout.split()
     expected = content_hashes(alone / "alone")
-    assert (code, new, asked) == ("0", str(len(expected)), str(len(expected)))
+    assert (code, new) == ("0", str(len(expected)))
+    assert int(asked) > 0
     assert content_hashes(alone / mode) == expected
     (run,) = (alone / mode).iterdir()
     lines = (run / "log.jsonl").read_text().splitlines()
@@ -93,8 +96,19 @@ def test_files_and_their_order_are_those_of_one_process(alone: Path, mode: str) 
 
 
 def test_states_are_committed_in_order() -> None:
-    script = "for k in range(9): pair.put(k, made)\npair.settle(); pair.end(); print(wrote)"
-    assert python(DIRECT + script).stdout == f"{[(k, 3, 1) for k in range(9)]}\n"
+    """Also those that are made here, since too many wait for the second process."""
+    script = """
+for k in range(9): pair.put(k, Here())
+pair.settle(); pair.end()
+print([label for label, *_ in wrote] == list(range(9)), wrote[0][1] != os.getpid())
+pair = beside.Beside(publish)
+for k in range(1, beside.MOST_WAITING + 1): pair.put(k, functools.partial(time.sleep, 0.5))
+pair._made = lambda make: (0, 0)
+pair.put(9, Here())
+pair.settle(); pair.end()
+print(wrote[-1] == (9, os.getpid(), 0))
+"""
+    assert python(DIRECT + script).stdout == "True True\nTrue\n"
 
 
 def test_a_failure_is_raised_and_what_follows_is_dropped() -> None:

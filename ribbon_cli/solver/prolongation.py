@@ -69,7 +69,7 @@ def inflections(kappa: Array, band: Band) -> Array:
 
 @lru_cache(maxsize=4)
 def inflections_of(state: State) -> Array:
-    """Arclengths (k,) of a state's inflections; see `inflections`. More than one question is asked of them."""
+    """Arclengths (k,) of a state's inflections; see `inflections`. Asked for more than once."""
     return inflections(folding.from_state(state).curvature(state.band.h), state.band)
 
 

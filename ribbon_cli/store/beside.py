@@ -22,8 +22,8 @@ from typing import BinaryIO, NoReturn, cast
 
 from ribbon_cli.store.summaries import Summary
 
-MOST_WAITING = 4
-"""States that may wait for their commit: what a kill can cost beside the solve under way."""
+MOST_WAITING = 3
+"""States that may wait for their commit: what a kill can cost beside the stage under way."""
 _PR_SET_PDEATHSIG = 1
 """prctl(2): the signal that a process gets when its parent ends."""
 _STOPS = {signal.SIGINT, signal.SIGTERM}
@@ -48,7 +48,7 @@ class Beside:
     def __init__(self, publish: Callable[[int, bytes, Summary], object]) -> None:
         self._publish = publish
         self._process = _Process()
-        self._jobs: queue.SimpleQueue[tuple[int, Make] | None] = queue.SimpleQueue()
+        self._jobs: queue.SimpleQueue[tuple[int, Make, Made | None] | None] = queue.SimpleQueue()
         self._changed = threading.Condition()
         self._waiting = 0
         self._error: BaseException | None = None
@@ -57,15 +57,17 @@ class Beside:
         self._thread.start()
 
     def put(self, label: int, make: Make) -> None:
-        """Commit a state as soon as those before it are; wait where there are many.
+        """Commit a state as soon as those before it are.
 
-        Raises what went wrong with an earlier one.
+        Where many wait, the second process is behind: then its bytes are made here. Raises what went wrong
+        with an earlier one.
         """
+        made = make() if self._waiting >= MOST_WAITING and self._error is None else None
         with self._changed:
             self._changed.wait_for(lambda: self._waiting < MOST_WAITING or self._error is not None)
             self._raise()
             self._waiting += 1
-        self._jobs.put((label, make))
+        self._jobs.put((label, make, made))
 
     def settle(self) -> None:
         """Wait until all is committed. Raises what went wrong, and then drops the states that followed."""
@@ -96,9 +98,9 @@ class Beside:
         while (job := self._jobs.get()) is not None:
             failed: BaseException | None = None
             if self._error is None and not self._dropped:
-                label, make = job
+                label, make, made = job
                 try:
-                    made = self._made(make)
+                    made = made or self._made(make)
                     if made is not None:
                         self._publish(label, *made)
                 except BaseException as error:  # noqa: BLE001  (raised again where it is waited for)
