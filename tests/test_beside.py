@@ -96,19 +96,15 @@ def test_files_and_their_order_are_those_of_one_process(alone: Path, mode: str) 
 
 
 def test_states_are_committed_in_order() -> None:
-    """Also those that are made here, since too many wait for the second process."""
     script = """
 for k in range(9): pair.put(k, Here())
-pair.settle(); pair.end()
-print([label for label, *_ in wrote] == list(range(9)), wrote[0][1] != os.getpid())
-pair = beside.Beside(publish)
-for k in range(1, beside.MOST_WAITING + 1): pair.put(k, functools.partial(time.sleep, 0.5))
-pair._made = lambda make: (0, 0)
-pair.put(9, Here())
-pair.settle(); pair.end()
-print(wrote[-1] == (9, os.getpid(), 0))
+pair.settle()
+print([label for label, *_ in wrote] == list(range(9)), os.getpid() in [m for _, m, _ in wrote], pair.behind)
+for k in range(beside.MOST_WAITING): pair.put(k, functools.partial(time.sleep, 600))
+print(pair.behind)
+pair.end()
 """
-    assert python(DIRECT + script).stdout == "True True\nTrue\n"
+    assert python(DIRECT + script).stdout == "True False False\nTrue\n"
 
 
 def test_a_failure_is_raised_and_what_follows_is_dropped() -> None:
@@ -145,9 +141,9 @@ time.sleep(600)
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as parent:
         assert parent.stdout is not None
         second = int(parent.stdout.readline())
-        assert os.path.exists(f"/proc/{second}")
-        assert {os.readlink(f"/proc/{second}/fd/{stream}") for stream in range(3)} == {os.devnull}
+        there = os.path.exists(f"/proc/{second}")
         os.kill(parent.pid, signal.SIGKILL)
+    assert there
     deadline = time.monotonic() + 30.0
     while os.path.exists(f"/proc/{second}") and time.monotonic() < deadline:
         time.sleep(0.01)

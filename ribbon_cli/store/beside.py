@@ -48,7 +48,7 @@ class Beside:
     def __init__(self, publish: Callable[[int, bytes, Summary], object]) -> None:
         self._publish = publish
         self._process = _Process()
-        self._jobs: queue.SimpleQueue[tuple[int, Make, Made | None] | None] = queue.SimpleQueue()
+        self._jobs: queue.SimpleQueue[tuple[int, Make] | None] = queue.SimpleQueue()
         self._changed = threading.Condition()
         self._waiting = 0
         self._error: BaseException | None = None
@@ -57,17 +57,20 @@ class Beside:
         self._thread.start()
 
     def put(self, label: int, make: Make) -> None:
-        """Commit a state as soon as those before it are.
+        """Commit a state as soon as those before it are; wait where there are many.
 
-        Where many wait, the second process is behind: then its bytes are made here. Raises what went wrong
-        with an earlier one.
+        Raises what went wrong with an earlier one.
         """
-        made = make() if self._waiting >= MOST_WAITING and self._error is None else None
         with self._changed:
-            self._changed.wait_for(lambda: self._waiting < MOST_WAITING or self._error is not None)
+            self._changed.wait_for(lambda: not self.behind or self._error is not None)
             self._raise()
             self._waiting += 1
-        self._jobs.put((label, make, made))
+        self._jobs.put((label, make))
+
+    @property
+    def behind(self) -> bool:
+        """Whether as many states wait as may."""
+        return self._waiting >= MOST_WAITING
 
     def settle(self) -> None:
         """Wait until all is committed. Raises what went wrong, and then drops the states that followed."""
@@ -98,9 +101,9 @@ class Beside:
         while (job := self._jobs.get()) is not None:
             failed: BaseException | None = None
             if self._error is None and not self._dropped:
-                label, make, made = job
+                label, make = job
                 try:
-                    made = made or self._made(make)
+                    made = self._made(make)
                     if made is not None:
                         self._publish(label, *made)
                 except BaseException as error:  # noqa: BLE001  (raised again where it is waited for)
