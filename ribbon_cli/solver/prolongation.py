@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -66,8 +67,9 @@ def inflections(kappa: Array, band: Band) -> Array:
     return np.unique(np.round(roots[slopes & (roots < band.length * (1 - 1e-12))], 14))
 
 
+@lru_cache(maxsize=4)
 def inflections_of(state: State) -> Array:
-    """Arclengths (k,) of a state's inflections; see `inflections`."""
+    """Arclengths (k,) of a state's inflections; see `inflections`. Asked for more than once."""
     return inflections(folding.from_state(state).curvature(state.band.h), state.band)
 
 
@@ -85,8 +87,9 @@ def grid_shift(roots: Array, h: float, phase: Phase) -> float:
     return float(np.angle(turns.sum()) / (2 * np.pi) * h)
 
 
+@lru_cache(maxsize=2)
 def smooth(state: State, segments: int, phase: Phase = Phase.FACET) -> Start:
-    """Smooth prolongation to any number of segments.
+    """Smooth prolongation to any number of segments. Who solves from it may ask for it again to compare.
 
     Raises ClosureError where the interpolated rulings meet inside the strip or it cannot be closed.
     """
@@ -96,7 +99,7 @@ def smooth(state: State, segments: int, phase: Phase = Phase.FACET) -> Start:
     length, sigma = old.length, old.sigma
     fold = folding.from_state(state)
     kappa = fold.curvature(old.h)
-    shift = grid_shift(inflections(kappa, old), new.h, phase)
+    shift = grid_shift(inflections_of(state), new.h, phase)
     nodes: Array = shift + new.h * np.arange(segments, dtype=np.float64)
     eta = _sampled_eta(state, fold.eta, new, nodes)
     theta = _sample(kappa, 0.0, sigma, length, nodes) * new.h * np.sqrt(1.0 + eta**2)

@@ -278,7 +278,7 @@ def _lowest(pencil: Pencil, count: int) -> _Found:
 
 def _polished(pencil: Pencil, shift: float, vectors: Array) -> tuple[Array, Array]:
     """One refined application of the inverse, and Ritz pairs: tangential to roundoff, M-orthonormal."""
-    vectors = pencil.inverse(shift)(pencil.mass @ vectors)
+    vectors = pencil.inverse(shift, refinements=1)(pencil.mass @ vectors)
     gram = vectors.T @ (pencil.mass @ vectors)
     values, y = scipy.linalg.eigh(vectors.T @ (pencil.hessian @ vectors), gram)
     return values, vectors @ y

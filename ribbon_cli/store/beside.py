@@ -22,8 +22,8 @@ from typing import BinaryIO, NoReturn, cast
 
 from ribbon_cli.store.summaries import Summary
 
-MOST_WAITING = 4
-"""States that may wait for their commit: what a kill can cost beside the solve under way."""
+MOST_WAITING = 3
+"""States that may wait for their commit: what a kill can cost beside the stage under way."""
 _PR_SET_PDEATHSIG = 1
 """prctl(2): the signal that a process gets when its parent ends."""
 _STOPS = {signal.SIGINT, signal.SIGTERM}
@@ -62,12 +62,17 @@ class Beside:
         Raises what went wrong with an earlier one.
         """
         with self._changed:
-            self._changed.wait_for(lambda: self._waiting < MOST_WAITING or self._error is not None)
+            self._changed.wait_for(lambda: not self.behind or self._error is not None)
             if self._error is not None:  # told when those behind it are dropped: none may be committed
                 self._changed.wait_for(lambda: self._waiting == 0)
             self._raise()
             self._waiting += 1
         self._jobs.put((label, make))
+
+    @property
+    def behind(self) -> bool:
+        """Whether as many states wait as may."""
+        return self._waiting >= MOST_WAITING
 
     def settle(self) -> None:
         """Wait until all is committed. Raises what went wrong, and then drops the states that followed."""

@@ -347,6 +347,11 @@ class Run:
                 self._beside.put(label, make)
         self._next += 1
 
+    @property
+    def behind(self) -> bool:
+        """Whether `commit_soon` would have to wait: then there is time to do some of its work before."""
+        return self._beside is not None and self._beside.behind
+
     def settle(self) -> None:
         """Wait until all states are committed. Raises what went wrong with one, and drops those behind it."""
         if self._beside is not None:

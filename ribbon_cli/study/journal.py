@@ -207,11 +207,13 @@ class Journal:
         spectrum: SpectrumRequest | None,
         changes: object = None,
     ) -> Summary:
-        from .records import build_record, completed
+        from .records import build_record, completed, with_spectra
 
         record = replace(
             build_record(self.run.next_label, reached, clock), **({} if changes is None else vars(changes))
         )
+        if spectrum is not None and self.run.behind:
+            record, spectrum = with_spectra(record, spectrum), None
         self.run.commit_soon(record.label, partial(completed, record, spectrum))
         self._recent.append(record)
         self.new_states += 1

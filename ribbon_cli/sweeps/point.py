@@ -40,7 +40,7 @@ def solve_point(task: Task, progress: study.Progress | None = None) -> tuple[Res
     again = True
     try:
         config = task.point.written(record.name)
-        outcome = study.solve_config(config, root, progress=progress, argv=task.argv)
+        outcome = study.solve_config(config, root, progress=progress, argv=task.argv, second_process=False)
     except LockedError as error:
         return Result(run, "held", (str(error),), again), trace
     except (RibbonError, MemoryError, OSError) as error:
