@@ -120,16 +120,16 @@ def test_the_state_before_a_halved_step_may_be_lost(tmp_path, short_steps, monke
     """Where to go on from there is read off what is stored, and no label that is gone is asked for."""
     config = parse_config(HALVED + SPECTRUM, "band.yaml")
     whole = solve_config(config, tmp_path / "whole").run
-    commit = Run.commit
+    commit = Run.commit_soon
 
-    def interrupted(run, record):
-        label = commit(run, record)
-        if "on the way" in record.stage:
+    def interrupted(run, label, make):
+        commit(run, label, make)
+        if "on the way" in make.args[0].stage:
+            run.settle()
             raise KeyboardInterrupt
-        return label
 
     with monkeypatch.context() as patch:
-        patch.setattr(Run, "commit", interrupted)
+        patch.setattr(Run, "commit_soon", interrupted)
         with pytest.raises(KeyboardInterrupt):
             solve_config(config, tmp_path / "killed")
     run = Run.open(tmp_path / "killed" / whole.name)

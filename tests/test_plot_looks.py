@@ -21,6 +21,7 @@ from store_support import make_summary
 
 from ribbon_cli.errors import UsageError
 from ribbon_cli.plot.branches import arclength_figure
+from ribbon_cli.plot.fields import Choice
 from ribbon_cli.plot.figure import dressed
 from ribbon_cli.plot.kinds import KINDS, Source, draw
 from ribbon_cli.plot.labels import panel_titles
@@ -29,6 +30,7 @@ from ribbon_cli.plot.modes import ModeShape
 from ribbon_cli.plot.runs import MOST_RUNS, runs_figure
 from ribbon_cli.plot.style import MOST_LOOKS, STYLES, branch_look, line_look, marked_look, of_width, styled
 from ribbon_cli.report.convergence import Entry, Table, convergence_rows
+from ribbon_cli.report.rows import Column, Rows
 from ribbon_cli.store import Summary
 
 STYLE = STYLES["paper"]
@@ -88,7 +90,22 @@ def source_of(kind: str, root: Path) -> Source:
         move = 0.01 * record.u[:, [0, 1, 2, 0, 1, 2, 0]]
         return ModeShape(4, 1.0, 0.1, "physical metric", "mode", (), "", move)
 
-    return Source(run, shown, lambda run: widths(MOST_LOOKS), curves_of, mode_of)
+    names = ("half_width", "energy", "segments", "run")
+    lines = [(0.1 * k, 1.0 + k * n, n, "mobius") for n in range(MOST_LOOKS) for k in range(3)]
+    rows = Rows(
+        tuple(Column(name, "float64") for name in names),
+        tuple(dict(zip(names, line, strict=True)) for line in lines),
+    )
+    return Source(
+        run,
+        shown,
+        lambda run: widths(MOST_LOOKS),
+        curves_of,
+        mode_of,
+        names=("state",) * len(shown),
+        rows=rows,
+        choice=Choice("energy", "half_width", ("segments",)),
+    )
 
 
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind not in ("shape", "mode")])

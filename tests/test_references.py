@@ -293,6 +293,7 @@ def test_the_branch_point_is_where_auto_finds_it() -> None:
 def test_the_page_on_strips_has_the_critical_points() -> None:
     page = (Path(__file__).parents[1] / "docs" / "strips.md").read_text(encoding="utf-8")
     lines = [line for line in page.splitlines() if line.startswith(("| fold", "| branch"))]
+    lines = [line for line in lines if "±" not in line]  # those are limits of our branches
     written = [[float(cell.replace("−", "-")) for cell in line.split("|")[2:-1]] for line in lines]
     eight = buckled(0.0, 1.0)
     found = [

@@ -255,7 +255,7 @@ def test_the_cases_have_every_command_recipe_and_rule() -> None:
             continue  # one that is broken on purpose
     assert {config.get("discretisation", "thesis") for config in configs} == {"thesis", "value-average"}
     closed = {name for name, recipe in RECIPES.items() if not recipe.open}  # older builds know no others
-    assert closed <= {config["initial_guess"].get("recipe") for config in configs} - {None}
+    assert closed <= {config.get("initial_guess", {}).get("recipe") for config in configs} - {None}
     assert {config.get("contact") for config in configs} >= {"record", "stop"}
     assert len({case.name for case in cases if case.quick}) < len(cases)
 

@@ -65,6 +65,7 @@ def _compare(asked: argparse.Namespace) -> int:
     expected = tuple(item for path in asked.expect for item in read_expected(path))
     folders = _reference(asked), asked.cache / "present"
     builds = folders[0][0], folder_build(ROOT, folders[1])
+    cases = _known_to(builds[0], cases)
     pairs = _observed(cases, builds, (folders[0][1], folders[1]), asked.jobs)
     broken = _broken(cases, [before for before, _ in pairs])
     with ProcessPoolExecutor(asked.jobs) as pool:
@@ -95,6 +96,14 @@ def _chosen(cases: Sequence[Case], asked: argparse.Namespace) -> list[Case]:
     return [
         case for case in cases if (case.name in asked.case if asked.case else case.quick or not asked.quick)
     ]
+
+
+def _known_to(build: Build, cases: Sequence[Case]) -> list[Case]:
+    """The cases of what a build has; the others are named."""
+    for case in cases:
+        if not (build.tree / case.needs).exists():
+            print(f"{case.name}: left out, {build.name} has no {case.needs}", flush=True)
+    return [case for case in cases if (build.tree / case.needs).exists()]
 
 
 def _reference(asked: argparse.Namespace) -> tuple[Build, Path]:

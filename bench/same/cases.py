@@ -15,7 +15,7 @@ import yaml
 
 CASES = Path(__file__).with_name("cases.yaml")
 ROOT = Path(__file__).parents[2]
-_KEYS = {"case", "quick", "files", "copy", "run"}
+_KEYS = {"case", "quick", "needs", "files", "copy", "run"}
 _EXIT = re.compile(r"(.*\S)\s+=>\s+(\d+)")
 _FILE_STEPS = ("remove", "spoil")
 
@@ -48,12 +48,16 @@ class Step:
 
 @dataclass(frozen=True)
 class Case:
-    """A folder's files by name, and the steps that are run in it."""
+    """A folder's files by name, and the steps that are run in it.
+
+    A build without the file `needs` is not asked.
+    """
 
     name: str
     quick: bool
     files: dict[str, bytes] = field(repr=False)
     steps: tuple[Step, ...]
+    needs: str = ""
 
     def key(self, *more: str) -> str:
         """A short hash of all that the case's results depend on, but for the program."""
@@ -84,7 +88,7 @@ def _case(item: dict[str, Any], sets: dict[str, list[str]]) -> Case:
     files = {name: text.encode() for name, text in item.get("files", {}).items()}
     files |= {name: (ROOT / source).read_bytes() for name, source in item.get("copy", {}).items()}
     steps = tuple(step for entry in item["run"] for step in _steps(entry, sets))
-    return Case(item["case"], bool(item.get("quick", False)), files, steps)
+    return Case(item["case"], bool(item.get("quick", False)), files, steps, item.get("needs", ""))
 
 
 def _steps(entry: str | dict[str, str], sets: dict[str, list[str]]) -> Iterator[Step]:
