@@ -87,7 +87,7 @@ def test_a_sweep_that_is_ended_anywhere_is_finished(tmp_path, whole, states, num
     if number != signal.SIGKILL:
         assert process.returncode == 128 + number
         name = signal.Signals(number).name
-        kept = "everything committed is kept, and the same line again resumes"
+        kept = "everything committed is kept, and the same command resumes"
         assert told.splitlines()[-1] == f"ribbon: interrupted by {name}: {kept}"
         assert not any(run.holder() for run in list_runs(tmp_path / "runs"))
     assert all(map(ended, workers))
