@@ -8,10 +8,12 @@ from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
 from ribbon_cli.errors import UsageError
+from ribbon_cli.export.mesh import check_shape
 from ribbon_cli.export.series import along, branch, courses, finest, followed_in, left_out, levels, value_at
 from ribbon_cli.parts import HALF_WIDTH
 from ribbon_cli.plot.branches import arclength_figure
 from ribbon_cli.plot.canvas import Figure
+from ribbon_cli.plot.contacts import contacts_figure
 from ribbon_cli.plot.curves import Curve, geometry_figure, multipliers_figure
 from ribbon_cli.plot.fields import Choice, chosen, fields_figure
 from ribbon_cli.plot.figure import dressed, state_caption
@@ -409,6 +411,19 @@ def _pattern(source: Source, style: Style) -> Picture:
     return Picture(pattern_figure(record, style), "Fold pattern", (record,))
 
 
+def _contacts(source: Source, style: Style) -> Picture:
+    record = _one(source, "contacts")
+    if record.contacts is None:
+        raise UsageError(
+            f"state {record.label} was computed without contact forces: see `contact: forces` in the config, "
+            "or `ribbon continue STATE --contact forces`"
+        )
+    check_shape(record)
+    count = len(record.contacts.force)
+    title = f"Contacts of the strip with itself: {count}" if count else "No contact of the strip with itself"
+    return Picture(contacts_figure(record, style), title, (record,))
+
+
 KINDS: dict[str, Callable[[Source, Style], Picture]] = {
     "shape": _shape,
     "geometry": _geometry,
@@ -419,6 +434,7 @@ KINDS: dict[str, Callable[[Source, Style], Picture]] = {
     "family": _family,
     "mode": _mode,
     "pattern": _pattern,
+    "contacts": _contacts,
     "table": _table,
     "shapes": _shapes,
 }

@@ -24,11 +24,10 @@ from ribbon_cli.plot.labels import (
     place_texts,
 )
 from ribbon_cli.plot.panels import branch_panels, energies, energy_unit, panels
-from ribbon_cli.plot.style import GREY, LIGHT_GREY, PALETTE, Style, line_look, marked_look
+from ribbon_cli.plot.style import GREY, LIGHT_GREY, NEGATIVE, PALETTE, Style, line_look, marked_look
 from ribbon_cli.report.convergence import Others, Row, Table
 from ribbon_cli.store import SpectrumRecord, StateRecord, Summary
 
-NEGATIVE = "#B00020"
 FEW_MODES = 40
 """Most values that are marked one by one."""
 SPECTRUM = 18.0
