@@ -16,6 +16,7 @@ from .template_files import templates as templates
 from .types import STOPS as STOPS
 from .types import Arclength as Arclength
 from .types import Config as Config
+from .types import ContactRequest as ContactRequest
 from .types import Guess as Guess
 from .types import Leg as Leg
 from .types import Refinement as Refinement

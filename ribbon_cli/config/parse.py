@@ -83,8 +83,11 @@ def config_of(root: Node, mistakes: Mistakes, text: str, path: str) -> Config:
     spectrum = SpectrumRequest()
     if "spectrum" in top:
         spectrum = SpectrumRequest(**reader.section(top["spectrum"], "spectrum", SPECTRUM).values())
-    discretisation, contact = found.read("discretisation"), found.read("contact")
-    if mistakes.found or kind is None or reader.length is None or widths is None or parts is None:
+    discretisation = found.read("discretisation")
+    contact = sections.contact(reader, top.get("contact"))
+    if mistakes.found or kind is None or reader.length is None or widths is None:
+        raise mistakes.error()
+    if parts is None or contact is None:
         raise mistakes.error()
     return Config(
         name=name,

@@ -206,7 +206,7 @@ class _Study:
             self.targets.append(self._target(current))
             if goal.ends_leg:
                 self._refine(current, goal)
-            if current.self_contact and self.config.contact == "stop" and self.stopped is None:
+            if current.self_contact and self.config.contact.kind == "stop" and self.stopped is None:
                 self._stop_in_contact(goal, current)
         if branch is not None:
             self._branches(current, branch, bool(planned))
@@ -232,7 +232,7 @@ class _Study:
                 return current
             met = self._contact_between(current, following, goal)
             before, current = current, following
-            if current.self_contact and self.config.contact == "stop" and self.stopped is None:
+            if current.self_contact and self.config.contact.kind == "stop" and self.stopped is None:
                 self._stop_in_contact(goal, current, met)
             if current.kind == "equilibrium" or self.stopped is not None:
                 return current
@@ -282,7 +282,7 @@ class _Study:
             section = "widths" if name == HALF_WIDTH else "schedule"
             what = f"{PARAMETERS[name].symbol} = {here:.12g}"
             raise UsageError(f"{section}.arclength.to: the start has {what} already")
-        if self.config.contact == "stop" and "contact" not in request.stop_at:
+        if self.config.contact.kind == "stop" and "contact" not in request.stop_at:
             request = replace(request, stop_at=(*request.stop_at, "contact"))
         from .branch import Branches
 
