@@ -50,7 +50,11 @@ def _arrow(place: Array, way: Array, size: float, length: float) -> Array:
     angles = 2.0 * np.pi * np.arange(SIDES) / SIDES
     ring = np.outer(np.cos(angles), aside) + np.outer(np.sin(angles), np.cross(way, aside))
     neck = place + (size - pointed) * way
-    foot, collar, rim = place + SHAFT * slender * ring, neck + SHAFT * slender * ring, neck + HEAD * slender * ring
+    foot, collar, rim = (
+        place + SHAFT * slender * ring,
+        neck + SHAFT * slender * ring,
+        neck + HEAD * slender * ring,
+    )
     tip = np.broadcast_to(place + size * way, ring.shape)
     neck = np.broadcast_to(neck, ring.shape)
 

@@ -62,7 +62,11 @@ def glb_bytes(record: StateRecord, title: str, run: str | None) -> bytes:
     if len(arrows[0]):
         first = len(blocks)
         blocks += arrows
-        primitive = {"attributes": {"POSITION": first, "NORMAL": first + 1}, "indices": first + 2, "material": 1}
+        primitive = {
+            "attributes": {"POSITION": first, "NORMAL": first + 1},
+            "indices": first + 2,
+            "material": 1,
+        }
         nodes.append({"mesh": 1, "name": "forces"})
         meshes.append({"name": "forces", "primitives": [primitive]})
         materials.append(FORCES)

@@ -30,9 +30,9 @@ def vtkhdf_bytes(records: Sequence[StateRecord], title: str) -> bytes:
     parameter in which the states differ. Where they differ in several it is the step's number.
 
     Points have the fields at nodes and `across` (-1 and +1 at the two edges), cells those at facets, the unit
-    normal and the facet's number. Where states were computed with contact forces, each contact adds a point on
-    either of its sheets, and a cell of that point: `contact` is its number, 0 elsewhere, and `contact_force` the
-    force on that sheet. The same states give the same bytes.
+    normal and the facet's number. Where states were computed with contact forces, each contact adds a point
+    on either of its sheets, and a cell of that point: `contact` is its number, 0 elsewhere, and
+    `contact_force` the force on that sheet. The same states give the same bytes.
     """
     buffer = io.BytesIO()
     with h5py.File(buffer, "w", libver=("earliest", "v110")) as file:

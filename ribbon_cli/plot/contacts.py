@@ -1,4 +1,4 @@
-"""Which part of a strip rests on which: contacts in the plane of two arclengths, and on the flat strip below."""
+"""Which part of a strip rests on which: contacts in the plane of two arclengths, and on the flat strip."""
 
 from __future__ import annotations
 
@@ -63,7 +63,9 @@ def contacts_figure(record: StateRecord, style: Style) -> Figure:
     return figure
 
 
-def _plane(axes: Axes, record: StateRecord, flat: Array, forces: Array, scale: Normalize, style: Style) -> None:
+def _plane(
+    axes: Axes, record: StateRecord, flat: Array, forces: Array, scale: Normalize, style: Style
+) -> None:
     """Contacts at (s, s') and (s', s), over the diagonal with the band of what does not count."""
     assert record.contacts is not None
     length, near = record.length, record.contacts.excluded
@@ -78,7 +80,9 @@ def _plane(axes: Axes, record: StateRecord, flat: Array, forces: Array, scale: N
     axes.grid(color=LIGHT_GREY, linewidth=0.3)
 
 
-def _strip(axes: Axes, record: StateRecord, flat: Array, forces: Array, scale: Normalize, style: Style) -> None:
+def _strip(
+    axes: Axes, record: StateRecord, flat: Array, forces: Array, scale: Normalize, style: Style
+) -> None:
     """The flat strip with its rulings, and both places of each contact."""
     b, length = record.half_width, record.length
     rulings = LineCollection(_rulings(record), colors=LIGHT_GREY, linewidths=style.thin, zorder=0)
@@ -89,7 +93,9 @@ def _strip(axes: Axes, record: StateRecord, flat: Array, forces: Array, scale: N
         first, last = record.eta[0], float(record.u[-1] @ record.g_end)
         outline = b * np.array([[-first, -1.0], [-last, -1.0], [last, 1.0], [first, 1.0]])
         outline[1:3, 0] += length
-    paper = Polygon(outline, facecolor=to_rgba(SIDES[0], 0.25), edgecolor=INK, linewidth=0.75 * style.line, zorder=0.5)
+    paper = Polygon(
+        outline, facecolor=to_rgba(SIDES[0], 0.25), edgecolor=INK, linewidth=0.75 * style.line, zorder=0.5
+    )
     axes.add_patch(paper)
     rulings.set_clip_path(paper)
     for side in (0, 1):
@@ -108,10 +114,12 @@ def _rulings(record: StateRecord) -> list[Array]:
     s = record.length / n * chosen
     lean = b * record.eta[chosen]
     window = even_window(record)
-    # The middle of a ruling is counted, and its ends lean from there, the other way where it came round upside down.
+    # The middle of a ruling is counted; its ends lean the other way where it came round upside down.
     middle = counted(record, np.column_stack((s, np.full(len(s), b))), window)
     lean = np.where(middle[:, 1] < 0.0, -lean, lean)
-    lines = np.stack((middle[:, 0] - lean, np.full(len(s), -b), middle[:, 0] + lean, np.full(len(s), b)), axis=1)
+    lines = np.stack(
+        (middle[:, 0] - lean, np.full(len(s), -b), middle[:, 0] + lean, np.full(len(s), b)), axis=1
+    )
     found = [lines.reshape(-1, 2, 2)]
     if record.sigma:
         for shift in (-record.length, record.length):
@@ -139,7 +147,9 @@ def _marks(axes: Axes, x: Array, y: Array, forces: Array, scale: Normalize, styl
     )
 
 
-def _numbers(plane: Axes, strip: Axes, flat: Array, groups: list[Indices], forces: Array, style: Style) -> None:
+def _numbers(
+    plane: Axes, strip: Axes, flat: Array, groups: list[Indices], forces: Array, style: Style
+) -> None:
     """The number of each group of contacts, beside the one with the largest force."""
     for number, group in enumerate(groups, 1):
         (s, y), (other, across) = flat[group[int(np.argmax(forces[group]))]]

@@ -45,9 +45,7 @@ def seen(record: StateRecord, each: float) -> Array:
     return points
 
 
-def draw_forces(
-    axes: Axes, start: Array, end: Array, flat: Array, longest: float, style: Style
-) -> None:
+def draw_forces(axes: Axes, start: Array, end: Array, flat: Array, longest: float, style: Style) -> None:
     """Draw arrows (2k, 3), of a contact two in turn, and points of contact over facets (n, 4, 3), all in the
     picture's coordinates; `longest` is the length of the longest arrow in space."""
     if not len(start):
@@ -123,9 +121,14 @@ def force_key(axes: Axes, each: float, longest: float, style: Style) -> None:
     left, right = axes.get_xlim()
     low, _ = axes.get_ylim()
     place = np.array([left, low + KEY * (right - left)])
-    _arrow(axes, place, place + [force * each, 0.0], np.zeros(PIECES, dtype=bool), longest, style)
+    shown = np.zeros(PIECES, dtype=bool)
+    _arrow(axes, place, place + np.array([force * each, 0.0]), shown, longest, style)
     axes.text(
-        place[0] + force * each + 0.012 * (right - left), place[1], f"force {force:g}", va="center", color=GREY
+        place[0] + force * each + 0.012 * (right - left),
+        place[1],
+        f"force {force:g}",
+        va="center",
+        color=GREY,
     )
 
 

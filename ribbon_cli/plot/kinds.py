@@ -10,6 +10,7 @@ from typing import TypeVar
 from ribbon_cli.errors import UsageError
 from ribbon_cli.export.mesh import check_shape
 from ribbon_cli.export.series import along, branch, courses, finest, followed_in, left_out, levels, value_at
+from ribbon_cli.export.words import meets_unheld
 from ribbon_cli.parts import HALF_WIDTH
 from ribbon_cli.plot.branches import arclength_figure
 from ribbon_cli.plot.canvas import Figure
@@ -290,7 +291,12 @@ def _branch(source: Source, style: Style) -> Picture:
     ]
     contact = min(located, default=None)
     lowest = [lowest_value(r, "rotation", "sliding") for r in records]
-    figure = branch_figure(states, lowest, style, contact, parameter)
+    changes = [
+        state
+        for state in run.states(all=True)
+        if state.segments == states[0].segments and {"touch", "lift"} & set(state.event_kinds)
+    ]
+    figure = branch_figure(states, lowest, style, contact, parameter, changes)
     title = f"Branch in the {'width' if parameter == HALF_WIDTH else name}{left_out(run, states)}"
     return Picture(figure, title + _elsewhere(len(every) - len(states)), records)
 
@@ -393,7 +399,7 @@ def _shapes(source: Source, style: Style) -> Picture:
     title = "Shapes" + (f", {len(states)} of {len(source.states)}" if left else "")
     figure = shapes_figure(panels, style, aligned=False, angles=source.angles)
     told = "; ".join(name.replace("$", "") for name in names)
-    certified, meeting = sum(s.certified for s in states), sum(s.self_contact for s in states)
+    certified, meeting = sum(s.certified for s in states), sum(map(meets_unheld, states))
     contact = f", {meeting} in self-contact" if meeting else ""
     caption = f"{told} ({certified} of {len(states)} certified{contact})"
     return Picture(figure, title, tuple(states), caption=caption)
