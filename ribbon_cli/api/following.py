@@ -70,6 +70,14 @@ def request(
     )
 
 
+def forces(contact: str | None) -> bool | None:
+    """Whether contact has forces, None where it is as at the start. Raises UsageError for another word."""
+    known = {"record": False, "forces": True}
+    if contact is not None and contact not in known:
+        raise UsageError(f"contact: must be record or forces, got {contact!r}{suggest(contact, known)}")
+    return None if contact is None else known[contact]
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Followed:
     """The branches that were followed from a state, and the run that they are in.
@@ -133,5 +141,5 @@ _POINTS = {
 
 def _contacts(course: study.Course) -> str:
     """A note on the points of a branch at which the band meets itself."""
-    meeting = sum(point.self_contact for point in course.points)
+    meeting = sum(point.self_contact and point.contacts is None for point in course.points)
     return f" ({meeting} of them in self-contact without forces)" if meeting else ""

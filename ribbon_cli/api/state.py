@@ -14,7 +14,7 @@ from ribbon_cli import export as exports
 from ribbon_cli.api import display
 from ribbon_cli.api.drawing import Named, figure_of
 from ribbon_cli.api.exporting import Exported, export_to
-from ribbon_cli.api.following import Followed, request
+from ribbon_cli.api.following import Followed, forces, request
 from ribbon_cli.api.watching import Watcher, watched
 from ribbon_cli.errors import RibbonWarning, TargetError, UsageError
 from ribbon_cli.store import Run, StateRecord
@@ -122,6 +122,7 @@ class OpenState(StateRecord):
         max_step: float | None = None,
         steps: int | None = None,
         switch: int | None = None,
+        contact: Literal["record", "forces"] | None = None,
         progress: Watcher = None,
     ) -> Followed:
         """Continue the state to the half-width `to`, as by `ribbon continue`; the states join the run.
@@ -135,7 +136,13 @@ class OpenState(StateRecord):
         wanted = request(to, arclength, back_to, both, at, stop_at, max_step, steps, switch, in_)
         with watched(progress) as shown:
             outcome = study.continue_state(
-                run.path.parent, str(self.path), wanted, natural=not arclength, progress=shown, argv=sys.argv
+                run.path.parent,
+                str(self.path),
+                wanted,
+                natural=not arclength,
+                forces=forces(contact),
+                progress=shown,
+                argv=sys.argv,
             )
         for failure in outcome.failures:
             warnings.warn(f"{run.name}: {failure}", RibbonWarning, stacklevel=2)

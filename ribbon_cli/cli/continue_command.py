@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from typing import Any
 
 import click
@@ -16,6 +15,7 @@ from ribbon_cli.cli.settings import Settings, common_options, pass_settings
 from ribbon_cli.cli.solve_commands import conclude
 
 _STOPS = ("fold", "stability-lost", "contact")
+_CONTACT = ("record", "forces")
 
 
 @click.command("continue")
@@ -35,6 +35,11 @@ _STOPS = ("fold", "stability-lost", "contact")
     "--at", metavar="B", multiple=True, callback=several, help="Compute a state at exactly this value."
 )
 @click.option("--stop-at", type=click.Choice(_STOPS), multiple=True, help="Stop at the first such event.")
+@click.option(
+    "--contact",
+    type=click.Choice(_CONTACT),
+    help="Contact with or without forces (as at the start).",
+)
 @click.option("--max-step", metavar="S", callback=positive, help="Longest step along the branch (0.1).")
 @click.option("--steps", metavar="K", callback=whole(1), help="Largest number of steps (500).")
 @click.option(
@@ -45,24 +50,31 @@ _STOPS = ("fold", "stability-lost", "contact")
 )
 @common_options
 @pass_settings
-def continue_(settings: Settings, /, state: str, **asked: Any) -> int:
+def continue_(settings: Settings, /, state: str, contact: str | None, **asked: Any) -> int:
     """Continue a stored STATE in width or in another parameter.
 
     The results are added to its run. With --in, as in --in twist --to pi, B is a value of that parameter.
 
     The same command resumes. Without --arclength, each value is reached from the one before, and the
-    continuation ends at the first fold. Unstable points on a branch are not failures; the exit code is 3 if
+    continuation ends at the first fold. With --contact forces the band rests on itself where it touches, and
+    a state that does goes on so. Unstable points on a branch are not failures; the exit code is 3 if
     even the shortest step fails.
     """
     wanted = api.following.request(**asked)
     settings.commits = True
     with progress(settings) as shown:
         outcome = study.continue_state(
-            settings.root, state, wanted, natural=not asked["arclength"], progress=shown, argv=settings.argv
+            settings.root,
+            state,
+            wanted,
+            natural=not asked["arclength"],
+            forces=api.following.forces(contact),
+            progress=shown,
+            argv=settings.argv,
         )
     first: study.Course = outcome.branches[0]
     document = {
-        "points": [asdict(point) for point in first.points],
+        "points": [point.to_dict() for point in first.points],
         "end": {
             "reason": first.reason,
             "half_width": first.half_width,

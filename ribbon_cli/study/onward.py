@@ -24,14 +24,16 @@ def continue_state(
     request: Arclength,
     *,
     natural: bool = False,
+    forces: bool | None = None,
     progress: Progress | None = None,
     argv: Sequence[str] = (),
 ) -> Outcome:
     """Follow the branch of the state that `ref` names, which may be a saddle; the same call again resumes.
 
     `natural` continuation goes from width to width among minima instead, and ends before the first fold.
-    Raises UsageError for a state outside of a run, with an open seam or prescribed rulings, that is not
-    stationary, or at the width asked for.
+    `forces` says whether contact has forces, by default as at the start; it is natural continuation that
+    goes on with them. Raises UsageError for a state outside of a run, with an open seam or prescribed
+    rulings, that is not stationary, or at the width asked for, and for contacts that cannot be followed.
     """
     taken: list[str] = []
     run, label, path = resolve_state(root, ref, taken.append)
@@ -39,15 +41,18 @@ def continue_state(
         raise UsageError(f"{path}: not in a run: continue adds its results to the state's run")
     record = run.load(label)
     _check(ref, record, request)
-    if natural and not record.certified:
+    gap = _gap(ref, record, natural=natural, forces=forces)
+    undecided = record.status == "undecided" and record.contacts is not None and len(record.contacts) > 0
+    if natural and not (record.certified or undecided):
         raise UsageError(f"{ref}: not a certified minimum ({record.status}): give --arclength")
 
     def study(watcher: Progress) -> Outcome:
-        walk = walk_from(run, record, watcher, argv)
+        walk = walk_from(run, record, watcher, argv, gap=gap)
         for choice in taken:
             walk.journal.note(choice)
         if natural:
-            courses = [Natural(walk, request, Summary.of(record)).follow(f"from {record.label}")]
+            name = f"from {record.label}" + ("" if gap is None else " with contact forces")
+            courses = [Natural(walk, request, Summary.of(record)).follow(name)]
         else:
             branches = Branches(walk, request, record)
             branches.follow(branch_name(record, request))
@@ -56,6 +61,28 @@ def continue_state(
         return Outcome(run, (), notes, new, tuple(courses))
 
     return run_or_read(run, progress or silence, study)
+
+
+def _gap(ref: str, record: StateRecord, *, natural: bool, forces: bool | None) -> float | None:
+    """The gap that contact forces keep, None without them. Raises UsageError where that cannot be done."""
+    known = record.contacts
+    if forces is False or (forces is None and known is None):
+        if known is not None and len(known):
+            raise UsageError(
+                f"{ref}: rests on itself with {len(known)} contacts, and without their forces it is not "
+                "stationary: leave out --contact, or start from a state that touches nothing"
+            )
+        return None
+    if not natural:
+        raise UsageError(
+            "--arclength does not follow contact forces: leave it out; or give --contact record, where "
+            "nothing touches, to follow the branch through itself"
+        )
+    if known is None and record.self_contact:
+        raise UsageError(
+            f"{ref}: crosses itself, or touches itself without forces: start from a state that does not"
+        )
+    return 0.0 if known is None else known.gap
 
 
 def _check(ref: str, record: StateRecord, request: Arclength) -> None:

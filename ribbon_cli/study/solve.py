@@ -114,7 +114,7 @@ class _Study:
             folder if folder.is_dir() else None,
             len(planned),
             _is_everted(config, given),
-            config.contact.kept,
+            config.contact.gap if config.contact.forces else None,
         )
         self.journal = self.walk.journal
         self.planned = frozenset(stage.name for stage in planned)

@@ -17,7 +17,7 @@ from ..store import Summary
 from . import resting
 from .failure import Failure
 from .plan import place_name
-from .records import multipliers_of, state_of
+from .records import multipliers_of, rest_of, state_of
 from .stepping import step_to
 from .walk import Ended, Stage, Walk, bracketed
 
@@ -35,7 +35,9 @@ class _Way:
 
     @classmethod
     def between(cls, free: Summary, touching: Summary) -> _Way:
-        pairs = ((name, value or 0.0, touching.parameters[name] or 0.0) for name, value in free.parameters.items())
+        pairs = (
+            (name, value or 0.0, touching.parameters[name] or 0.0) for name, value in free.parameters.items()
+        )
         moved = [(name, here, there) for name, here, there in pairs if here != there]
         return cls({n: a for n, a, _ in moved}, {n: b for n, _, b in moved}, free.length)
 
@@ -71,7 +73,9 @@ def locate(walk: Walk, before: Summary, after: Summary, prefix: str = "") -> Sum
     free, touching = (after, before) if before.contacts else (before, after)
     way = _Way.between(free, touching)
     word = "touch" if free is before else "lift"
-    named = [place_name({name: state.parameters[name] or 0.0 for name in way.free}) for state in (before, after)]
+    named = [
+        place_name({name: state.parameters[name] or 0.0 for name in way.free}) for state in (before, after)
+    ]
     stage = Stage(
         f"{prefix}{word} between {named[0]} and {named[1]}",
         free.half_width,
@@ -85,11 +89,13 @@ def locate(walk: Walk, before: Summary, after: Summary, prefix: str = "") -> Sum
     return found
 
 
-def _located(walk: Walk, free: Summary, touching: Summary, way: _Way, word: str, stage: str) -> Ended | Failure:
+def _located(
+    walk: Walk, free: Summary, touching: Summary, way: _Way, word: str, stage: str
+) -> Ended | Failure:
     """The free end of the last bracket."""
     assert walk.gap is not None
     record = walk.journal.load(free)
-    rest = resting.rest_of(record, walk.gap)
+    rest = rest_of(record, walk.gap)
     start = Ended(rest.problem, rest.result, record.method)
     first = _End(0.0, False, state_of(record), multipliers_of(record), start)
     last = _End(1.0, True, first.state, first.multipliers)
@@ -107,7 +113,9 @@ def _located(walk: Walk, free: Summary, touching: Summary, way: _Way, word: str,
     if why is not None:
         return why
     assert low.solved is not None
-    bracket = max(abs(b - a) for a, b in zip(way.at(low.part).values(), way.at(high.part).values(), strict=True))
+    bracket = max(
+        abs(b - a) for a, b in zip(way.at(low.part).values(), way.at(high.part).values(), strict=True)
+    )
     met = event(word, place=place_name(way.at(low.part)), bracket=bracket, count=touching.contacts)
     return Ended(low.solved.problem, low.solved.result, low.solved.method, (*low.solved.events, met))
 
