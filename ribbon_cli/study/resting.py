@@ -125,7 +125,7 @@ def changes(rest: Rest, end: Rest, target: Mapping[str, float]) -> tuple[Event, 
     if not (old and new) or old == new:
         return ()
     here = place_name({name: rest.band.parameter(name) for name in target})
-    facts = {"before": len(old), "gone": len(old - new), "new": len(new - old)}
+    facts = {"before": len(old), "after": len(new), "gone": len(old - new), "new": len(new - old)}
     return (event("contacts-change", here=here, there=place_name(target), **facts),)
 
 
