@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 
 from ribbon_cli import api, study
 from ribbon_cli.api.extras import extra
-from ribbon_cli.config import STOPS, Arclength
+from ribbon_cli.config import CONTACT_KINDS, FORCES, STOPS, Arclength, ContactRequest
 from ribbon_cli.errors import UsageError
+from ribbon_cli.expression import ExpressionError, evaluate
 from ribbon_cli.pages import html
 from ribbon_cli.pages.columns import OF_STATES, contact, listing
 from ribbon_cli.parts import HALF_WIDTH, PARAMETERS
@@ -70,12 +71,24 @@ def request(
     )
 
 
-def forces(contact: str | None) -> bool | None:
-    """Whether contact has forces, None where it is as at the start. Raises UsageError for another word."""
-    known = {"record": False, "forces": True}
-    if contact is not None and contact not in known:
-        raise UsageError(f"contact: must be record or forces, got {contact!r}{suggest(contact, known)}")
-    return None if contact is None else known[contact]
+def contact_request(asked: str | None) -> ContactRequest | None:
+    """What `ribbon continue --contact` asks for: `forces`, `gap=0.02` or `record`. Raises UsageError."""
+    if asked is None:
+        return None
+    kinds = tuple(kind for kind in CONTACT_KINDS if kind != "stop")
+    if asked in kinds:
+        return ContactRequest(asked)
+    name, equals, text = asked.partition("=")
+    if name != "gap" or not equals:
+        known = ("forces", "gap=0.02", "record")
+        raise UsageError(f"--contact: must be {', '.join(known)}, got {asked!r}{suggest(asked, kinds)}")
+    try:
+        gap = evaluate(text)
+    except ExpressionError as error:
+        raise UsageError(f"--contact: gap must be a number such as 0.02, got {text!r} ({error})") from error
+    if gap < 0.0:
+        raise UsageError(f"--contact: gap must be at least 0, got {gap:g}")
+    return ContactRequest(FORCES, abs(gap))
 
 
 @dataclass(frozen=True, eq=False, repr=False)

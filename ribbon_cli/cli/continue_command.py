@@ -7,7 +7,7 @@ from typing import Any
 import click
 
 from ribbon_cli import api, store, study
-from ribbon_cli.cli.completion import complete_parameter, complete_state
+from ribbon_cli.cli.completion import complete_contact, complete_parameter, complete_state
 from ribbon_cli.cli.numbers import finite, positive, several, whole
 from ribbon_cli.cli.progress import progress
 from ribbon_cli.cli.render import branch_text
@@ -15,7 +15,6 @@ from ribbon_cli.cli.settings import Settings, common_options, pass_settings
 from ribbon_cli.cli.solve_commands import conclude
 
 _STOPS = ("fold", "stability-lost", "contact")
-_CONTACT = ("record", "forces")
 
 
 @click.command("continue")
@@ -35,11 +34,6 @@ _CONTACT = ("record", "forces")
     "--at", metavar="B", multiple=True, callback=several, help="Compute a state at exactly this value."
 )
 @click.option("--stop-at", type=click.Choice(_STOPS), multiple=True, help="Stop at the first such event.")
-@click.option(
-    "--contact",
-    type=click.Choice(_CONTACT),
-    help="Contact with or without forces (as at the start).",
-)
 @click.option("--max-step", metavar="S", callback=positive, help="Longest step along the branch (0.1).")
 @click.option("--steps", metavar="K", callback=whole(1), help="Largest number of steps (500).")
 @click.option(
@@ -48,6 +42,12 @@ _CONTACT = ("record", "forces")
     callback=whole(0),
     help="Also follow branches that cross this one, to the depth K.",
 )
+@click.option(
+    "--contact",
+    metavar="forces|gap=G",
+    shell_complete=complete_contact,
+    help="Let the band rest on itself, its facets at least G apart (0).",
+)
 @common_options
 @pass_settings
 def continue_(settings: Settings, /, state: str, contact: str | None, **asked: Any) -> int:
@@ -55,12 +55,13 @@ def continue_(settings: Settings, /, state: str, contact: str | None, **asked: A
 
     The results are added to its run. With --in, as in --in twist --to pi, B is a value of that parameter.
 
+    With --contact the band may come to rest on itself; without it, contact is as at STATE.
+
     The same command resumes. Without --arclength, each value is reached from the one before, and the
-    continuation ends at the first fold. With --contact forces the band rests on itself where it touches, and
-    a state that does goes on so. Unstable points on a branch are not failures; the exit code is 3 if
+    continuation ends at the first fold. Unstable points on a branch are not failures; the exit code is 3 if
     even the shortest step fails.
     """
-    wanted = api.following.request(**asked)
+    wanted, forces = api.following.request(**asked), api.following.contact_request(contact)
     settings.commits = True
     with progress(settings) as shown:
         outcome = study.continue_state(
@@ -68,7 +69,7 @@ def continue_(settings: Settings, /, state: str, contact: str | None, **asked: A
             state,
             wanted,
             natural=not asked["arclength"],
-            forces=api.following.forces(contact),
+            contact=forces,
             progress=shown,
             argv=settings.argv,
         )
