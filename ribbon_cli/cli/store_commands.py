@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import asdict
 from typing import Any
 
 import click
@@ -195,7 +194,7 @@ def _show_run(settings: Settings, ref: str) -> None:
     branches, document = study.courses(run), facts.to_dict() | {"config": str(run.path / "config.yaml")}
     if settings.json:
         history = {"history": [event.document for event in events]}
-        emit_json(document | history | {"branches": [asdict(course) for course in branches]})
+        emit_json(document | history | {"branches": [course.to_dict() for course in branches]})
     else:
         numbered = (f"{k}. {branch_text(course)}" for k, course in enumerate(branches, start=1))
         emit("\n\n".join([listing({**document, "history": history_lines(events)}), *numbered]))
