@@ -19,7 +19,7 @@ from ..model.band import Array, Band, State
 from ..model.problem import Problem
 from ..model.touching import Shape
 from ..model.touching_audit import Audit, Motion, audit
-from ..model.touching_barrier import candidates
+from ..model.touching_barrier import Neighbourhood, candidates, merged, nearest
 from ..model.touching_gaps import Pairs, arguments, gaps, places, vectors
 from ..parts import HALF_WIDTH
 from .kkt import FactorisationError
@@ -49,6 +49,8 @@ LIFTED = 1e-6
 MOST_OPENINGS, MOST_MOVES, MOST_SHARINGS = 6, 12, 5
 APART = 1e-3
 MOST_DESCENTS = 80
+NEAR = 1e-4
+"""Distance beyond a gap, as part of l, up to which pairs are candidates in the last steps."""
 MOST_FACETS = 6400
 """Facets of a grid on which a way between two grids is looked at."""
 BARRIER_GOAL = 1e-6
@@ -123,7 +125,7 @@ def rest_at(
     problem = RestingProblem(state.band, pairs, gap)
     options = Options(max_steps=3, leave_saddles=0)
     result = solve(problem, state.vector(), np.concatenate((multipliers, forces)), options)
-    return Rest(problem, result, audit(Shape.of(result.state, gap), DEPTH * state.band.length))
+    return Rest(problem, result, audit(Shape.of(result.state, gap), gap + DEPTH * state.band.length))
 
 
 @dataclass(frozen=True)
@@ -200,9 +202,9 @@ def _accepted(
             raise NoRestError(f"a place of contact is off its features by {off:.1e}")
         if forces.min() < -PULLS * max(1.0, float(forces.max())):
             raise NoRestError(f"a force pulls, {forces.min():.1e}")
-    found = audit(shape, DEPTH * length)
-    if found.penetration > DEPTH * length:
-        raise NoRestError(f"features cross, {found.penetration:.1e} deep")
+    found = audit(shape, problem.gap + DEPTH * length)
+    if found.lacks(problem.gap) > DEPTH * length:
+        raise NoRestError(f"features cross, or are nearer than the gap, by {found.lacks(problem.gap):.1e}")
     motion = way_between(before, result.state, problem.gap)
     met = motion.passages()
     if len(met):
@@ -260,7 +262,8 @@ def let_down(
         if k < POLISH_FROM:
             continue
         near = problem.near(x)
-        listed, forces = candidates(problem.shape(x), near, problem.forces(x, near))
+        listed, forces = near, problem.forces(x, near)
+        listed, forces = merged(near, forces) if gap else candidates(problem.shape(x), near, forces)
         try:
             return _at_rest(result, band, gap, listed, forces, steps)
         except NoRestError as failure:
@@ -283,10 +286,10 @@ def _at_rest(result: Result, band: Band, gap: float, listed: Pairs, forces: Arra
             if end is None:
                 raise
             break
-        lost = on_rim(Shape.of(other.state, gap), other.pairs)
+        lost = on_rim(Shape.of(other.state, gap), other.pairs, gap)
         if end is None or lost is None:
             end = other
-        if lost is None:
+        if lost is None or gap:
             break
         keep = np.array([key != lost for key in listed.names()])
         listed, forces = listed.take(keep), forces[keep]
@@ -307,7 +310,8 @@ def _opened(before: State, band: Band, x: Array, pairs: Pairs, gap: float, room:
         state = problem.state(x)
         motion = way_between(before, state, gap)
         met, shape = motion.passages(), Shape.of(state, gap)
-        if audit(shape, 0.0).penetration == 0.0:
+        close = _nearer(shape, gap + 0.25 * room) if gap else Pairs.none()
+        if not len(close) and audit(shape, 0.0).penetration == 0.0:
             if not len(met) or motion.depth(met) <= slip * band.length:
                 return state
             why = "the way to the start passes through itself"
@@ -315,11 +319,16 @@ def _opened(before: State, band: Band, x: Array, pairs: Pairs, gap: float, room:
             break
         what = arguments(met.pairs)
         value = gaps(vectors(shape, what), what, met.pairs.sign, band.half_width).value
-        more = united(pairs, met.pairs.take(value < gap + 0.5 * room).unique())
+        more = united(united(pairs, met.pairs.take(value < gap + 0.5 * room).unique()), close)
         if len(more) == len(pairs):
             break
         pairs = more
     raise NoRestError(why)
+
+
+def _nearer(shape: Shape, reach: float) -> Pairs:
+    """The pairs nearer than a reach, over all pairs, each once and as it is nearest."""
+    return nearest(shape, Neighbourhood.of(shape, reach, 0.0).features, reach).unique()
 
 
 def way_between(before: State, after: State, gap: float = 0.0) -> Motion:
@@ -373,6 +382,9 @@ def _polished(
     forces = np.where(forces > SMALL * forces.max(initial=0.0), forces, 0.0)
     known = dict(zip(listed.names(), forces.tolist(), strict=True))
     for steps in range(MOST_STEPS):
+        if gap:
+            # Which kind of distance is the least may change from step to step.
+            listed = _nearer(Shape.of(State.from_vector(band, x), gap), gap + NEAR * band.length)
         possible = listed.take(_off(Shape.of(State.from_vector(band, x), gap), listed) <= MARGIN)
         here = np.array([known.get(key, 0.0) for key in possible.names()])
         # Where gaps depend on each other forces can be shared out in many ways: one that serves is kept.
