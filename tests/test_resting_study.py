@@ -77,7 +77,7 @@ def test_no_step_passes_through_the_band(solved):
     outcome, _ = solved
     run = outcome.run
     named = [run.load(s.label) for s in run.states(all=True) if s.stage.startswith(("b =", "touch"))]
-    assert len(named) == 4
+    assert len(named) == 3
     for state in named:
         motion = Motion(Shape.of(state_of(run.load(state.parent))), Shape.of(state_of(state)))
         met = motion.passages()
