@@ -18,6 +18,7 @@ from ..recipes import RECIPES
 from ..recipes.recipe import Making, NotMadeError, Turn, Turning, Way
 from ..solver.arclength import nearest
 from ..solver.newton import solve
+from ..solver.resting_set import NoRestError
 from ..solver.status import Result, Status
 from ..store import Summary
 from . import resting
@@ -141,6 +142,16 @@ def _freed(
         None if given is None else given.name,
     )
 
+    def rested() -> Ended | Failure:
+        assert given is not None
+        assert given.contacts is not None
+        assert walk.gap is not None
+        try:
+            end = resting.again(state, given.contacts, walk.gap)
+        except NoRestError as error:
+            return resting.failed(error, stage.name)
+        return Ended(end.problem, walk.checked(end.result), method)
+
     def freed() -> Ended | Failure:
         problem, options = Problem(band), walk.options_from(state)
         if config.guess.keep_saddle:
@@ -162,7 +173,7 @@ def _freed(
             return Failure("solve", Status.GAP_LOST, "", {"stage": stage.name}, "a narrower guess")
         return resting.at_rest(end, walk.gap)
 
-    return walk.reach(stage, freed)
+    return walk.reach(stage, freed if given is None or given.contacts is None else rested)
 
 
 def _saddle_left_in_vain(walk: Walk, problem: Problem, result: Result) -> Result:

@@ -18,18 +18,30 @@ from ..model.touching import Shape
 from ..model.touching_audit import Motion, audit
 from ..model.touching_gaps import Pairs
 from ..solver.kkt import FactorisationError
+from ..solver.newton import Options, solve
 from ..solver.resting import RestingProblem
-from ..solver.resting_set import DEPTH, NoRestError, Rest, Slopes, found, moved, slopes
+from ..solver.resting_set import DEPTH, NoRestError, Rest, Slopes, found, moved, rest_at, slopes
 from ..solver.status import Result, Status
 from ..solver.tracking import Way
-from ..store import StateRecord
+from ..store import Contacts, StateRecord
 from .failure import Failure, way_facts
 from .plan import place_name
 from .progress import Step
-from .records import rest_of
+from .records import pairs_of, rest_of
 from .walk import Ended, Walk
 
 KEPT, FOUND = "with the same contacts", "by a barrier"
+
+
+def again(state: State, contacts: Contacts, gap: float) -> Rest:
+    """A state that rests on itself, solved for anew with its contacts. Raises NoRestError."""
+    pairs = pairs_of(contacts)
+    problem = RestingProblem(state.band, pairs, gap)
+    near = solve(problem, state.vector(), None, Options(leave_saddles=0))
+    own, forces = problem.split(near.multipliers)
+    rest = rest_at(near.state, own, pairs, forces, gap)
+    nowhere = Slopes(np.zeros(problem.size), np.zeros(problem.rows), 0.0)
+    return moved(rest, rest.band, 0.0, nowhere)
 
 
 def at_rest(free: Ended, gap: float) -> Ended:
@@ -127,6 +139,11 @@ def changes(rest: Rest, end: Rest, target: Mapping[str, float]) -> tuple[Event, 
     here = place_name({name: rest.band.parameter(name) for name in target})
     facts = {"before": len(old), "after": len(new), "gone": len(old - new), "new": len(new - old)}
     return (event("contacts-change", here=here, there=place_name(target), **facts),)
+
+
+def failed(why: NoRestError, stage: str) -> Failure:
+    """A stage in which no shape at rest was found."""
+    return Failure("solve", status_of(why), f"({why}.)", {"stage": stage})
 
 
 def status_of(why: NoRestError) -> Status:

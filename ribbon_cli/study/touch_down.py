@@ -116,7 +116,8 @@ def _located(
     bracket = max(
         abs(b - a) for a, b in zip(way.at(low.part).values(), way.at(high.part).values(), strict=True)
     )
-    met = event(word, place=place_name(way.at(low.part)), bracket=bracket, count=touching.contacts)
+    there = {"count": touching.contacts, "there": place_name(way.touching)}
+    met = event(word, place=place_name(way.at(low.part)), bracket=bracket, **there)
     return Ended(low.solved.problem, low.solved.result, low.solved.method, (*low.solved.events, met))
 
 
