@@ -59,7 +59,7 @@ def contacts_figure(record: StateRecord, style: Style) -> Figure:
     strip.set_xlabel(r"$\alpha$")
     bar = figure.colorbar(ScalarMappable(scale, FORCES), ax=[plane, strip], aspect=40, pad=0.02)
     bar.set_label("force")
-    bar.outline.set_linewidth(0.6 * style.line)  # type: ignore[operator]
+    bar.outline.set_linewidth(0.6 * style.line)
     return figure
 
 
@@ -99,7 +99,7 @@ def _strip(
     axes.add_patch(paper)
     rulings.set_clip_path(paper)
     for side in (0, 1):
-        _marks(axes, *flat[:, side].T, forces, scale, style)
+        _marks(axes, flat[:, side, 0], flat[:, side, 1], forces, scale, style)
     axes.set_ylim(-1.02 * b, 1.02 * b)
     axes.set_aspect("equal")
     axes.set_yticks([-b, 0.0, b], ["−$b$", "0", "$b$"])
