@@ -78,6 +78,11 @@ class ContactRequest:
         """Whether contact forces are on."""
         return self.kind == FORCES
 
+    @property
+    def in_words(self) -> str:
+        """As the command line spells it: `forces`, `gap=0.02`."""
+        return f"gap={self.gap:.12g}" if self.gap else self.kind
+
     def said(self) -> str | dict[str, float]:
         """In a config's own layout."""
         return {"gap": self.gap} if self.gap else self.kind

@@ -309,8 +309,8 @@ BRANCH = _items((
 CONTACTS = _items((
     ("/contacts/first", "int64", "contact feature", "", "",
      "the feature that each gap is measured from, a vertex or an edge: its kind (0 vertex, 1 edge, 2 facet) "
-     "and its number from 0: vertex 2k is r_k - b g_k and 2k + 1 is r_k + b g_k, edge 3k the ruling at node k, "
-     "edges 3k + 1 and 3k + 2 the lower and the upper side of facet k"),
+     "and its number from 0: vertex 2k is r_k - b g_k and 2k + 1 is r_k + b g_k, edge 3k the ruling at node "
+     "k, edges 3k + 1 and 3k + 2 the lower and the upper side of facet k"),
     ("/contacts/second", "int64", "contact feature", "", "",
      "the feature that it is measured to, likewise; a facet is always the second"),
     ("/contacts/sign", "int64", "contact", "", "g = s D.n",

@@ -45,7 +45,8 @@ class CoursePoint:
 
     `index_before` and `index_after` are given at folds and branch points. `lowest_eigenvalue` is in the
     physical metric, without rotations; `sliding_overlap` belongs to it or, at folds and branch points, to the
-    mode that is soft there. Without arclength continuation these, and `arclength`, are None.
+    mode that is soft there. Without arclength continuation these, and `arclength`, are None, and so are
+    `contacts` and `contact_force`, the sum of their forces, without contact forces.
     """
 
     label: int
@@ -61,6 +62,8 @@ class CoursePoint:
     linking_number: float | None
     self_contact: bool
     clearance: float | None
+    contacts: int | None = None
+    contact_force: float | None = None
     arclength: float | None = None
     parameters: Mapping[str, float | None] = field(default_factory=dict)
 

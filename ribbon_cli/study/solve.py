@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from ..model.band import State
     from .given import Given
 
-_COMPUTING = (".guess", ".stepping", ".contact", ".branch")
+_COMPUTING = (".guess", ".stepping", ".contact", ".touch_down", ".branch")
 """Modules that compute, with all that they import. A run that lasts takes them in at once: one that is first
 asked for hours later may be of another version by then, and no state would say so."""
 
@@ -114,6 +114,7 @@ class _Study:
             folder if folder.is_dir() else None,
             len(planned),
             _is_everted(config, given),
+            config.contact.gap if config.contact.forces else None,
         )
         self.journal = self.walk.journal
         self.planned = frozenset(stage.name for stage in planned)
@@ -168,7 +169,7 @@ class _Study:
                 f"now {given.name}, but this run started from {record.parent_ref}: "
                 f"give the config another name, or start over with --fresh",
             )
-        if not record.certified and not self._kept(record):
+        if not self.walk.goes_on(record) and not self._kept(record):
             self._stop_at(stage, record, "`steps` of the recipe")
         return record
 
@@ -244,7 +245,7 @@ class _Study:
             record = self.journal.finished(stage)
             if record is not None and not self.journal.lacks_saddle(stage):
                 self.walk.begin(stage, target.get(HALF_WIDTH, current.half_width), current.segments)
-                if not record.certified:
+                if not self.walk.goes_on(record):
                     self._stop_at(stage, record)
                 return record
         return None
@@ -256,12 +257,18 @@ class _Study:
         following, why = longest_step(self.walk, before, current, goal)
         if why is not None:
             self._stop(why.sentence)
-        elif following is not None and not following.certified:  # stored, and a saddle was met again
+        elif following is not None and not self.walk.goes_on(following):  # stored, and a saddle was met again
             self._stop_at(following.stage, following)
         return following
 
     def _contact_between(self, before: Summary, after: Summary, goal: Goal) -> float | None:
         """Where self-contact begins or ends on a step towards a goal in one parameter, where it does."""
+        if self.walk.gap is not None:
+            if bool(before.contacts) != bool(after.contacts):
+                from .touch_down import locate
+
+                locate(self.walk, before, after)
+            return None
         if before.self_contact == after.self_contact or goal.one is None:
             return None
         from .contact import locate_contact
@@ -297,7 +304,7 @@ class _Study:
         place = _known(record)
         levels = self._levels({**place, **goal.to}, goal)
         for k, n in enumerate(levels):
-            if not record.certified:
+            if not self.walk.goes_on(record):
                 self._missed(place, levels[k:], f"the level before it: {record.message}")
                 return
             following = self.walk.refine(record, n, goal.refined(n), "equilibrium")

@@ -15,12 +15,36 @@ from ..solver.continuation import Move, to_band, to_segments
 from ..solver.kinship import another_minimum
 from ..solver.status import Result, Status
 from ..solver.tracking import PARTS
-from ..store import Summary
+from ..store import StateRecord, Summary
+from . import resting
 from .acceptance import converged
 from .failure import Failure, fold_facts, halved_kind, way_facts
 from .plan import MOST_HALVINGS, Goal
 from .records import multipliers_of, state_of
 from .walk import Ended, Stage, Walk
+
+
+def step_from(
+    walk: Walk,
+    start: StateRecord,
+    target: Mapping[str, float],
+    parts: int = PARTS,
+    before: tuple[Event, ...] = (),
+) -> Ended | Failure:
+    """The state at other parameters that a stored one leads to, with contact forces where the walk has
+    them.
+
+    With forces a band that touches nothing takes the same steps as without them. Where the end, or the way
+    to it, would pass through itself, and from where contacts push, it comes to rest on itself.
+    """
+    if walk.gap is None:
+        return step_to(walk, state_of(start), multipliers_of(start), target, parts, before)
+    if start.contacts is None or not len(start.contacts):
+        free = step_to(walk, state_of(start), multipliers_of(start), target, parts, before)
+        passed = resting.passes(free, state_of(start), walk.gap)
+        if not passed:
+            return free if isinstance(free, Failure) else resting.at_rest(free, walk.gap)
+    return resting.step(walk, start, moved(state_of(start).band, target), target, before)
 
 
 def step_to(
@@ -82,8 +106,7 @@ def longest_step(
     state at the goal that is reached without a certificate is stored, and returned with the failure.
     """
     record = walk.journal.load(current)
-    state, multipliers = state_of(record), multipliers_of(record)
-    ways = goal.ways(state.band.parameters)
+    ways = goal.ways(record.parameters)
     targets = dict(ways)
     stages = [
         _stage(name, target, current, "equilibrium" if k == 0 else "intermediate")
@@ -94,9 +117,7 @@ def longest_step(
     needed = walk.needed(stages)
     reached, failures = walk.longest(
         stages[_first_candidate(before, current, goal) :] if needed is stages else needed,
-        lambda stage, events: step_to(
-            walk, state, multipliers, targets[stage.name], parts[stage.name], events
-        ),
+        lambda stage, events: step_from(walk, record, targets[stage.name], parts[stage.name], events),
         lambda stage, why: event(f"{halved_kind(targets[stage.name])}-halved", **why.values, why=why.message),
     )
     if reached is not None:

@@ -1,0 +1,159 @@
+"""A step with contact forces: free where nothing touches, and at rest on itself where something does.
+
+A step of a band that rests on itself keeps its contacts, if it can, else finds others; see
+`solver.resting_set`. What touches nothing is solved for as without contact, and then it is looked at over
+all pairs of features: the end, and the straight way to it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from ..facts import Event, event
+from ..model.band import Band, State
+from ..model.touching import Shape
+from ..model.touching_audit import Motion, audit
+from ..model.touching_gaps import Pairs
+from ..solver.kkt import FactorisationError
+from ..solver.resting import RestingProblem
+from ..solver.resting_set import DEPTH, NoRestError, Rest, Slopes, found, moved, rest_at, slopes
+from ..solver.status import Result, Status
+from ..solver.tracking import Way
+from ..store import StateRecord
+from .failure import Failure, way_facts
+from .plan import place_name
+from .progress import Step
+from .records import multipliers_of, state_of
+from .walk import Ended, Walk
+
+KEPT, FOUND = "with the same contacts", "by a barrier"
+
+
+def rest_of(record: StateRecord, gap: float) -> Rest:
+    """A stored state as a shape at rest, with its contacts if it has any."""
+    pairs, forces = Pairs.none(), np.empty(0)
+    if record.contacts is not None:
+        kept = record.contacts
+        pairs, forces = Pairs(kept.first, kept.second, kept.sign), kept.force
+    return rest_at(state_of(record), multipliers_of(record), pairs, forces, gap)
+
+
+def at_rest(free: Ended, gap: float) -> Ended:
+    """A solve's end as one with contact forces on, of which there are none."""
+    return replace(free, problem=RestingProblem(free.problem.band, Pairs.none(), gap))
+
+
+def crosses(state: State, gap: float) -> bool:
+    """Whether features cross or are nearer than the gap."""
+    shape, depth = Shape.of(state, gap), DEPTH * state.band.length
+    seen = audit(shape, max(gap, depth))
+    return seen.penetration > depth or seen.clearance < gap - depth
+
+
+def passes(end: Ended | Failure, before: State, gap: float) -> bool:
+    """Whether a free solve's end, or the straight way to it, passes through itself."""
+    if isinstance(end, Failure):
+        return end.status is Status.LEFT_TOPOLOGY
+    state, length = end.result.state, end.problem.band.length
+    if crosses(state, gap):
+        return True
+    motion = Motion(Shape.of(before, gap), Shape.of(state, gap))
+    met = motion.passages()
+    return len(met) > 0 and motion.depth(met) > 10.0 * DEPTH * length
+
+
+def step(
+    walk: Walk, start: StateRecord, band: Band, target: Mapping[str, float], before: tuple[Event, ...] = ()
+) -> Ended | Failure:
+    """The shape at rest on itself at other parameters, those of a band; `target` names the ones that move."""
+    assert walk.gap is not None
+    rest = rest_of(start, walk.gap)
+    along, by = _ahead(rest, band)
+    ends: list[tuple[Rest, Result, str]] = []
+    whys: list[NoRestError] = []
+    for word in (KEPT, FOUND):
+        try:
+            if word == FOUND:
+                end = found(rest, band, by, along)
+            elif along is not None and len(rest.pairs):
+                end = moved(rest, band, by, along)
+            else:
+                continue
+        except NoRestError as error:
+            whys.append(error)
+            continue
+        result = replace(walk.checked(end.result), steps=end.steps)
+        walk.progress(Step(end.steps, result.energy, max(result.kkt_residual, result.constraint_residual)))
+        ends.append((end, result, word))
+        if result.certified:
+            break
+    return _chosen(rest, ends, whys, target, before)
+
+
+def _chosen(
+    rest: Rest,
+    ends: list[tuple[Rest, Result, str]],
+    whys: list[NoRestError],
+    target: Mapping[str, float],
+    before: tuple[Event, ...],
+) -> Ended | Failure:
+    """The end of the step: a minimum, or else what may be one; why there is none."""
+    good = [end for end in ends if end[1].certified] or [
+        end for end in ends if end[1].status is Status.UNDECIDED
+    ]
+    facts = way_facts(rest.band.parameters, target)
+    if good:
+        return _ended(rest, *good[0], target, before)
+    if ends:
+        end, result, word = ends[-1]
+        attempt = _ended(rest, end, result, word, target)
+        return Failure("step", result.status, result.detail, facts, attempt=attempt)
+    return Failure("step", status_of(whys[-1]), f"({whys[-1]}.)", facts)
+
+
+def _ended(
+    rest: Rest,
+    end: Rest,
+    result: Result,
+    word: str,
+    target: Mapping[str, float],
+    before: tuple[Event, ...] = (),
+) -> Ended:
+    names = ", ".join("width" if name == "half_width" else name for name in target)
+    method = f"continuation in {names}, {word}" if len(end.pairs) else f"continuation in {names}"
+    events = (*changes(rest, end, target),)
+    return Ended(end.problem, result, method, events, before)
+
+
+def changes(rest: Rest, end: Rest, target: Mapping[str, float]) -> tuple[Event, ...]:
+    """What became of contacts on a step between two shapes that both have some."""
+    old, new = set(rest.pairs.names()), set(end.pairs.names())
+    if not (old and new) or old == new:
+        return ()
+    here = place_name({name: rest.band.parameter(name) for name in target})
+    facts = {"before": len(old), "gone": len(old - new), "new": len(new - old)}
+    return (event("contacts-change", here=here, there=place_name(target), **facts),)
+
+
+def status_of(why: NoRestError) -> Status:
+    """How the search for a shape at rest ended."""
+    return Status.GAP_LOST if "through itself" in str(why) or "cross" in str(why) else Status.STALLED
+
+
+def _ahead(rest: Rest, band: Band) -> tuple[Slopes | None, float]:
+    """The slopes along the way to other parameters, and how far it is; none at a fold."""
+    way = Way.between(rest.band, band)
+    by = way.position(band) - way.position(rest.band)
+    try:
+        each = [(rate, slopes(rest, name)) for name, rate in way.rates]
+    except FactorisationError:
+        return None, by
+    along = Slopes(
+        np.sum([rate * found.x for rate, found in each], axis=0),
+        np.sum([rate * found.multipliers for rate, found in each], axis=0),
+        float(sum(rate * found.rise for rate, found in each)),
+    )
+    return along, by
