@@ -1,14 +1,14 @@
 """Two half-twists: Euler's figure-eight, lifted at its crossing so that one sheet lies above the other.
 
 The planar figure-eight elastica has the tangent's angle 2 arcsin(k sn(w s, k)) and the curvature
-2 k w cn(w s, k) with w = 4 K(k) / l; it closes where 2 E(k) = K(k). A band along it stands on its edge, and passes
-through itself at the crossing, at the two inflections. With rulings aslant,
+2 k w cn(w s, k) with w = 4 K(k) / l; it closes where 2 E(k) = K(k). A band along it stands on its edge, and
+passes through itself at the crossing, at the two inflections. With rulings aslant,
 
     eta = a cn (sn^2 - c),   c such that the integral of kappa eta cos(angle) over a lobe vanishes,
 
-one lobe climbs from one sheet at the crossing to the other, the other lobe falls back, and neither tilts about the
-line through both. The height at the crossing grows with a, and is to be `LIFT` times the band's width. Fold angles
-close what is left of second order. Lk = +-1 is the writhe of the crossing.
+one lobe climbs from one sheet at the crossing to the other, the other lobe falls back, and neither tilts
+about the line through both. The height at the crossing grows with a, and is to be `LIFT` times the band's
+width. Fold angles close what is left of second order. Lk = +-1 is the writhe of the crossing.
 """
 
 from __future__ import annotations
