@@ -45,10 +45,10 @@ def contacts_figure(record: StateRecord, style: Style) -> Figure:
     flat = counted(record, found.flat, even_window(record))
     groups = gathered(record, found.flat)
     width = style.across(SHARE)
-    room = 0.78 * width  # inside of what numbers and the colours' bar take
+    room = 0.73 * width  # inside of what numbers and the colours' bar take
     high = room * 2.0 * record.half_width / record.length
     # Letters between and below, and room to spare: then both panels are as wide as can be, and alike.
-    figure = Figure(figsize=(width, room + high + 9.0 * style.font / 72), layout="constrained")
+    figure = Figure(figsize=(width, room + high + 8.0 * style.font / 72), layout="constrained")
     plane, strip = figure.subplots(2, 1, sharex=True, height_ratios=[room, high])
     scale = Normalize(0.0, float(found.forces.max(initial=0.0)) or 1.0)
     _plane(plane, record, flat, found.forces, scale, style)
