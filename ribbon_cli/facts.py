@@ -69,9 +69,10 @@ EVENTS = {
     "width-reached": "reached {symbol} = {value:.12g}",
     "value-reached": "came to {symbol} = {value:.12g}",
     "step-halved": "a step from {here} to {there} failed, halved: {why}",
-    "touch": "contact begins at {place} (bracket {bracket:.1e}): {count} contacts push beyond it",
-    "lift": "contact ends at {place} (bracket {bracket:.1e}): {count} contacts push before it",
-    "contacts-change": "contacts change between {here} and {there}: of {before} end {gone}, and {new} begin",
+    "touch": "contact begins at {place} (bracket {bracket:.1e}); {count} contacts push at {there}",
+    "lift": "contact ends at {place} (bracket {bracket:.1e}); {count} contacts push at {there}",
+    "contacts-change": "{before} contacts become {after} between {here} and {there} "
+    "({gone} end, {new} begin)",
 }
 """Kinds of events by their words, which files keep, with their sentences."""
 OTHER_MINIMA = frozenset(("another-minimum", "another-minimum-perhaps", "another-minimum-unproved"))

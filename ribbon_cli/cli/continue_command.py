@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from typing import Any
 
 import click
@@ -76,7 +75,7 @@ def continue_(settings: Settings, /, state: str, contact: str | None, **asked: A
         )
     first: study.Course = outcome.branches[0]
     document = {
-        "points": [asdict(point) for point in first.points],
+        "points": [point.to_dict() for point in first.points],
         "end": {
             "reason": first.reason,
             "half_width": first.half_width,

@@ -25,18 +25,19 @@ def meeting(state: StateRecord | Summary) -> str:
         return ""
     if state.contacts is None:
         return MEETS_ITSELF
-    count, force = _held(state)
+    count, force, gap = _held(state)
     if not count:
         return "crosses itself"
-    number = f"{count} contact{'s' * (count > 1)}"
+    number = f"{count} contact{'s' * (count > 1)}" + (f" with a gap of {gap:.10g}" if gap else "")
     return f"rests on itself at {number}, forces of {digits.significant(force, 6)} in all"
 
 
-def _held(state: StateRecord | Summary) -> tuple[int, float]:
-    """Of a state computed with contact forces the number of contacts, and their forces' sum."""
+def _held(state: StateRecord | Summary) -> tuple[int, float, float]:
+    """Of a state computed with contact forces the number of contacts, their forces' sum, and the gap."""
     if isinstance(state, Summary):
-        return state.contacts or 0, state.contact_force or 0.0
-    return (0, 0.0) if state.contacts is None else (len(state.contacts), state.contacts.total_force)
+        return state.contacts or 0, state.contact_force or 0.0, state.contact_gap or 0.0
+    kept = state.contacts
+    return (0, 0.0, 0.0) if kept is None else (len(kept), kept.total_force, kept.gap)
 
 
 def verdict(record: StateRecord) -> str:

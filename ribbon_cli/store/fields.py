@@ -194,6 +194,8 @@ def _scale(dim: str, size: int, h: float) -> Value:
 
     if dim == "xyz":
         return ("x", "y", "z")
+    if dim == "feature":
+        return ("kind", "number")
     if dim == "unknown":
         return ("u_x", "u_y", "u_z", "g_x", "g_y", "g_z", "xi")
     if DIMENSIONS[dim].dtype == "int64":

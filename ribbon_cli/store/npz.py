@@ -58,7 +58,8 @@ _DISCRETISATIONS = ("thesis", "value-average")
 
 
 def export_npz(record: StateRecord, path: str | Path, overwrite: bool = False) -> None:
-    """Write a state's arrays (`ARRAYS`), scalars (`SCALARS`) and content_sha256, and of a strip its parts.
+    """Write a state's arrays (`ARRAYS`), scalars (`SCALARS`) and content_sha256, of a strip its parts, and of
+    a state with contact forces `contact_first` and so on.
 
     The same record gives the same bytes. Raises StoreError when the file exists and is not to be overwritten,
     or cannot be written.
@@ -69,6 +70,8 @@ def export_npz(record: StateRecord, path: str | Path, overwrite: bool = False) -
         fields[name] = np.asarray(UNKNOWN if value is None else value)
     if record.parts.ends is not None:
         fields |= _of_strip(record)
+    if record.contacts is not None:
+        fields |= {f"contact_{name}": np.asarray(value) for name, value in vars(record.contacts).items()}
     fields["content_sha256"] = np.asarray(content_sha256(record))
     write_arrays(path, fields, overwrite)
 

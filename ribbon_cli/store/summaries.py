@@ -11,7 +11,7 @@ from typing import Any
 from ribbon_cli.facts import kinds_of
 from ribbon_cli.parts import CLOSED, HALF_WIDTH, PARAMETERS
 from ribbon_cli.store.contacts import Contacts
-from ribbon_cli.store.layout import BRANCH, STATE, Item
+from ribbon_cli.store.layout import BRANCH, STATE, Dtype, Item
 from ribbon_cli.store.record import REACTIONS, StateRecord
 
 _TOPOLOGY = ("half_twists", "sigma")
@@ -31,11 +31,14 @@ LABELS = 10**12
 _LARGEST = 2**63
 """Bound of whole numbers, as in a file."""
 _POSITIVE = ("half_width", "segments", "length")
-_CONTACTS: dict[str, frozenset[type]] = {
-    "contacts": frozenset({int}),
-    **dict.fromkeys(("contact_force", "contact_gap", "penetration"), frozenset(_JSON["float64"])),
+OF_CONTACTS: dict[str, Dtype] = {
+    "contacts": "int64",
+    "contact_force": "float64",
+    "contact_gap": "float64",
+    "penetration": "float64",
 }
-"""What a summary says of a state with contact forces, and of no other."""
+"""What a summary says of a state with contact forces, and of no other: types as in a file."""
+_OF_CONTACTS = {name: frozenset(_JSON[dtype]) for name, dtype in OF_CONTACTS.items()}
 
 
 def _types(items: Iterable[Item]) -> dict[str, frozenset[type]]:
@@ -208,7 +211,7 @@ class Summary:
         document["bending_energy"] = self.bending_energy
         document |= {name: list(known[name]) for name in REACTIONS if known[name] is not None}
         if self.contacts is not None:
-            document |= {name: known[name] for name in _CONTACTS}
+            document |= {name: known[name] for name in OF_CONTACTS}
         document["events"] = list(self.events)
         document["event_kinds"] = list(self.event_kinds)
         if self.branch is not None:
@@ -260,7 +263,7 @@ def _newer(document: dict[str, Any], values: dict[str, Any], of: str) -> dict[st
         raise ValueError(f"parameters, bending_energy or a reaction {of}")
     others = {name: value for name, value in found.pop("parameters").items() if name != HALF_WIDTH}
     with_forces = document.get("contacts") is not None
-    on_itself = checked(document, _CONTACTS, of) if with_forces else dict.fromkeys(_CONTACTS)
+    on_itself = checked(document, _OF_CONTACTS, of) if with_forces else dict.fromkeys(OF_CONTACTS)
     if with_forces and on_itself["contacts"] < 0:
         raise ValueError(f"contacts {of}")
     return {
@@ -283,9 +286,9 @@ def varying(states: Iterable[Summary]) -> tuple[str, ...]:
 def _of_contacts(contacts: Contacts | None) -> dict[str, Any]:
     """The fields of a summary that tell of contacts, None without forces."""
     if contacts is None:
-        return dict.fromkeys(_CONTACTS)
+        return dict.fromkeys(OF_CONTACTS)
     numbers = (contacts.total_force, contacts.gap, contacts.penetration)
-    return dict(zip(_CONTACTS, (len(contacts), *map(_finite, map(float, numbers))), strict=True))
+    return dict(zip(OF_CONTACTS, (len(contacts), *map(_finite, map(float, numbers))), strict=True))
 
 
 def _finite(value: float) -> float | None:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
+from typing import Any
 
 from ..parts import HALF_WIDTH, PARAMETERS
 from ..store import Run
@@ -67,6 +68,14 @@ class CoursePoint:
     arclength: float | None = None
     parameters: Mapping[str, float | None] = field(default_factory=dict)
 
+    def to_dict(self) -> dict[str, Any]:
+        """The fields for JSON; contacts only where they have forces."""
+        return {
+            name: value
+            for name, value in asdict(self).items()
+            if self.contacts is not None or name not in ("contacts", "contact_force")
+        }
+
 
 @dataclass(frozen=True)
 class Course:
@@ -83,6 +92,10 @@ class Course:
     message: str
     parameter: str = HALF_WIDTH
     value: float | None = None
+
+    def to_dict(self) -> dict[str, Any]:
+        """The fields for JSON, its points among them."""
+        return asdict(self) | {"points": [point.to_dict() for point in self.points]}
 
     @property
     def place(self) -> str:

@@ -19,26 +19,17 @@ from ..model.touching_audit import Motion, audit
 from ..model.touching_gaps import Pairs
 from ..solver.kkt import FactorisationError
 from ..solver.resting import RestingProblem
-from ..solver.resting_set import DEPTH, NoRestError, Rest, Slopes, found, moved, rest_at, slopes
+from ..solver.resting_set import DEPTH, NoRestError, Rest, Slopes, found, moved, slopes
 from ..solver.status import Result, Status
 from ..solver.tracking import Way
 from ..store import StateRecord
 from .failure import Failure, way_facts
 from .plan import place_name
 from .progress import Step
-from .records import multipliers_of, state_of
+from .records import rest_of
 from .walk import Ended, Walk
 
 KEPT, FOUND = "with the same contacts", "by a barrier"
-
-
-def rest_of(record: StateRecord, gap: float) -> Rest:
-    """A stored state as a shape at rest, with its contacts if it has any."""
-    pairs, forces = Pairs.none(), np.empty(0)
-    if record.contacts is not None:
-        kept = record.contacts
-        pairs, forces = Pairs(kept.first, kept.second, kept.sign), kept.force
-    return rest_at(state_of(record), multipliers_of(record), pairs, forces, gap)
 
 
 def at_rest(free: Ended, gap: float) -> Ended:
@@ -134,7 +125,7 @@ def changes(rest: Rest, end: Rest, target: Mapping[str, float]) -> tuple[Event, 
     if not (old and new) or old == new:
         return ()
     here = place_name({name: rest.band.parameter(name) for name in target})
-    facts = {"before": len(old), "gone": len(old - new), "new": len(new - old)}
+    facts = {"before": len(old), "after": len(new), "gone": len(old - new), "new": len(new - old)}
     return (event("contacts-change", here=here, there=place_name(target), **facts),)
 
 

@@ -109,7 +109,7 @@ def longest_step(
     ways = goal.ways(record.parameters)
     targets = dict(ways)
     stages = [
-        _stage(name, target, current, "equilibrium" if k == 0 else "intermediate")
+        _stage(name, target, current, goal.kind if k == 0 else "intermediate")
         for k, (name, target) in enumerate(ways)
     ]
     # Doubts are resolved down to one length, however often the step itself was halved.
@@ -139,13 +139,15 @@ def _given_up(
         facts = fold_facts(walk.journal.run.short_name, current, goal.one, here, end, beyond[-1])
         return None, Failure("fold", Status.LEFT_BRANCH, "", facts)
     facts = way_facts(current.parameters, goal.to)
-    why = replace(failures[0], kind="way", values=facts, smaller="a schedule with more steps")
+    # Where contacts push the shortest step says what is in the way.
+    said = failures[-1 if current.contacts else 0]
+    why = replace(said, kind="way", values=facts, smaller="a schedule with more steps")
     if goal.one == HALF_WIDTH:
         why = replace(why, smaller="a schedule with more widths")
     end_of = failures[0].attempt
     if end_of is None or not (converged(end_of.result) and goal.holds(end_of.problem.band.parameters)):
         return None, why
-    return walk.store(_stage(goal.name, goal.to, current, "equilibrium"), end_of), why
+    return walk.store(_stage(goal.name, goal.to, current, goal.kind), end_of), why
 
 
 def _first_candidate(before: Summary | None, current: Summary, goal: Goal) -> int:

@@ -17,7 +17,7 @@ from ..store import Summary
 from . import resting
 from .failure import Failure
 from .plan import place_name
-from .records import multipliers_of, state_of
+from .records import multipliers_of, rest_of, state_of
 from .stepping import step_to
 from .walk import Ended, Stage, Walk, bracketed
 
@@ -95,7 +95,7 @@ def _located(
     """The free end of the last bracket."""
     assert walk.gap is not None
     record = walk.journal.load(free)
-    rest = resting.rest_of(record, walk.gap)
+    rest = rest_of(record, walk.gap)
     start = Ended(rest.problem, rest.result, record.method)
     first = _End(0.0, False, state_of(record), multipliers_of(record), start)
     last = _End(1.0, True, first.state, first.multipliers)
@@ -116,7 +116,8 @@ def _located(
     bracket = max(
         abs(b - a) for a, b in zip(way.at(low.part).values(), way.at(high.part).values(), strict=True)
     )
-    met = event(word, place=place_name(way.at(low.part)), bracket=bracket, count=touching.contacts)
+    there = {"count": touching.contacts, "there": place_name(way.touching)}
+    met = event(word, place=place_name(way.at(low.part)), bracket=bracket, **there)
     return Ended(low.solved.problem, low.solved.result, low.solved.method, (*low.solved.events, met))
 
 

@@ -192,8 +192,8 @@ class Walk:
         )
 
     def goes_on(self, state: Summary) -> bool:
-        """Whether a schedule goes on from a state: a certified one, or one at rest on itself of which it could
-        not be decided whether it is a minimum.
+        """Whether a schedule goes on from a state: a certified one, or one at rest on itself that may be
+        a minimum, but was left undecided.
         """
         return state.certified or (bool(state.contacts) and state.status == "undecided")
 
