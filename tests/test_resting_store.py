@@ -180,7 +180,7 @@ def test_wrong_claims_about_contact_are_named(record, undecided):
     claim = {"status": "minimum", "certified": True, "negative_eigenvalues": 0}
     assert "status is minimum, recomputed undecided (A contact" in said(undecided, **claim)
     lost = {"status": "gap-lost", "certified": False, "kind": "intermediate"}
-    assert "status is gap-lost, but features cross by" in said(record, **lost)
+    assert "status is gap-lost, but no more than" in said(record, **lost)
     crossed = said(record, half_width=1.651)
     assert "recomputed gap-lost" in crossed
     assert "/contacts/penetration is" in crossed
