@@ -15,9 +15,21 @@ from dataclasses import replace
 import numpy as np
 
 from ..model.band import Array
-from ..model.touching import FACET, Shape
+from ..model.touching import EDGE, FACET, VERTEX, Shape
 from ..model.touching_audit import Audit
-from ..model.touching_gaps import ONE, TWO, Pairs, arguments, places, vectors
+from ..model.touching_barrier import sides_at
+from ..model.touching_gaps import (
+    G_FIRST,
+    G_SECOND,
+    ONE,
+    R_FIRST,
+    R_SECOND,
+    TWO,
+    Pairs,
+    arguments,
+    places,
+    vectors,
+)
 from .inertia import inertia
 from .kkt import FactorisationError
 from .resting import RestingProblem
@@ -39,8 +51,10 @@ STEEPEST_XI = 12.0
 def certified(problem: RestingProblem, result: Result, found: Audit) -> Result:
     """The result with what the certificate makes of its status: minimum, saddle, undecided or gap lost."""
     length, forces = problem.band.length, problem.split(result.multipliers)[1]
-    if found.penetration > PENETRATION * length:
-        return _as(result, Status.GAP_LOST, f"(Features cross by {found.penetration:.1e}.)")
+    if found.lacks(problem.gap) > PENETRATION * length:
+        crosses = found.penetration > 0.0 or not problem.gap
+        what = "Features cross" if crosses else "Features are nearer than the gap"
+        return _as(result, Status.GAP_LOST, f"({what} by {found.lacks(problem.gap):.1e}.)")
     if result.status not in (Status.MINIMUM, Status.SADDLE) or not len(forces):
         return result
     why = _doubt(problem, result, forces)
@@ -68,7 +82,7 @@ def _doubt(problem: RestingProblem, result: Result, forces: Array) -> str:
     steepest = float(np.abs(result.state.xi).max())
     if steepest > STEEPEST_XI:
         return f"|xi| is {steepest:.1f}: facets are too nearly triangles to count."
-    lost = on_rim(Shape.of(result.state, problem.gap), problem.pairs)
+    lost = on_rim(Shape.of(result.state, problem.gap), problem.pairs, problem.gap)
     if lost is not None:
         return f"A contact, {_name(lost)}, is on the rim of its features, where gaps have kinks."
     weak = forces < WEAK * largest
@@ -89,14 +103,19 @@ def _holds_without(problem: RestingProblem, result: Result, weak: np.ndarray) ->
     return count.trusted and count.negative == 0
 
 
-def on_rim(shape: Shape, pairs: Pairs) -> tuple[int, int, int, int] | None:
+def on_rim(shape: Shape, pairs: Pairs, gap: float = 0.0) -> tuple[int, int, int, int] | None:
     """The name of a contact on the rim of its features whose gap is no bound there, None where there is none.
 
     At a rim another feature's gap takes over. Where that one is the less of the two beyond, shapes that do
     not cross have both gaps open, and either is a bound that a force may push on. So it is with a vertex
     over a ruling in a valley, and with sides that meet at a vertex and bend towards the other sheet. Where
     the gap beyond is the larger one, over ridges and at the strip's own rim, sheets may slip off each other.
+
+    With a gap that is not zero gaps are distances, which have kinks nowhere; but second derivatives jump
+    where one kind of distance takes over from another.
     """
+    if gap:
+        return _changes(shape, pairs)
     at, names = places(shape, pairs), pairs.names()
     what = arguments(pairs)
     six = vectors(shape, what)
@@ -115,6 +134,37 @@ def on_rim(shape: Shape, pairs: Pairs) -> tuple[int, int, int, int] | None:
         if not bound:
             return name
     return None
+
+
+def _changes(shape: Shape, pairs: Pairs) -> tuple[int, int, int, int] | None:
+    """The name of a contact at which its distance becomes one of another kind."""
+    at, names = places(shape, pairs), pairs.names()
+    what = arguments(pairs)
+    b = shape.half_width
+    for k, (name, place, six) in enumerate(zip(names, at, vectors(shape, what), strict=True)):
+        if min(place.min(), 1.0 - place.max()) <= RIM:
+            return name
+        if name[0] != VERTEX or name[2] == FACET:
+            continue
+        lean = b * what.reach[k]
+        apart = six[R_FIRST] + lean[0] * six[G_FIRST] - six[R_SECOND] - lean[1] * six[G_SECOND]
+        ends = [(name[1], apart)]
+        if name[2] == EDGE:
+            apart -= (apart @ six[TWO]) / (six[TWO] @ six[TWO]) * six[TWO]
+        else:
+            ends.append((name[3], -apart))
+        if any(_leads_away(shape, *end) <= RIM for end in ends):
+            return name
+    return None
+
+
+def _leads_away(shape: Shape, vertex: int, apart: Array) -> float:
+    """The least cosine between the edges at a vertex and a direction."""
+    edges = np.array([3 * (vertex // 2), *sides_at(shape, vertex)])
+    first, last = shape.edge_ends(edges)
+    other = shape.vertices[np.where(first == vertex, last, first)] - shape.vertices[vertex]
+    out = other @ apart / (np.linalg.norm(other, axis=1) * np.linalg.norm(apart))
+    return float(out.min())
 
 
 def _rises(shape: Shape, facet: int, place: float, normal: Array) -> bool:

@@ -9,6 +9,7 @@ motion to it are audited over all pairs, independently of all lists.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,12 +19,13 @@ from ..model.band import Array, Band, State
 from ..model.problem import Problem
 from ..model.touching import Shape
 from ..model.touching_audit import Audit, Motion, audit
-from ..model.touching_barrier import candidates
+from ..model.touching_barrier import Neighbourhood, candidates, merged, nearest
 from ..model.touching_gaps import Pairs, arguments, gaps, places, vectors
 from ..parts import HALF_WIDTH
 from .kkt import FactorisationError
 from .linear import Factor
 from .newton import Options, Stepper, change, iterate_at, solve
+from .prolongation import divided
 from .resting import RestingProblem, resting_rates
 from .resting_barrier import BarrierProblem
 from .resting_certificate import PULLS, certified, on_rim
@@ -47,6 +49,10 @@ LIFTED = 1e-6
 MOST_OPENINGS, MOST_MOVES, MOST_SHARINGS = 6, 12, 5
 APART = 1e-3
 MOST_DESCENTS = 80
+NEAR = 1e-4
+"""Distance beyond a gap, as part of l, up to which pairs are candidates in the last steps."""
+MOST_FACETS = 6400
+"""Facets of a grid on which a way between two grids is looked at."""
 BARRIER_GOAL = 1e-6
 PROXIMAL = 1e-2
 DEPENDENT = 1e-9
@@ -119,7 +125,7 @@ def rest_at(
     problem = RestingProblem(state.band, pairs, gap)
     options = Options(max_steps=3, leave_saddles=0)
     result = solve(problem, state.vector(), np.concatenate((multipliers, forces)), options)
-    return Rest(problem, result, audit(Shape.of(result.state, gap), DEPTH * state.band.length))
+    return Rest(problem, result, audit(Shape.of(result.state, gap), gap + DEPTH * state.band.length))
 
 
 @dataclass(frozen=True)
@@ -142,10 +148,11 @@ def slopes(rest: Rest, name: str = HALF_WIDTH) -> Slopes:
     return Slopes(z[:n], -z[n : n + problem.rows], along.lagrangian)
 
 
-def moved(rest: Rest, band: Band, by: float, along: Slopes) -> Rest:
-    """The next shape with the same gaps, with a band of other parameters. Raises NoRestError."""
+def moved(rest: Rest, band: Band, by: float, along: Slopes, gap: float | None = None) -> Rest:
+    """The next shape with the same pairs, with a band of other parameters or at another gap. Raises
+    NoRestError."""
     x, multipliers = rest.result.x + by * along.x, rest.result.multipliers + by * along.multipliers
-    problem = RestingProblem(band, rest.pairs, rest.gap)
+    problem = RestingProblem(band, rest.pairs, rest.gap if gap is None else gap)
     result = solve(problem, x, multipliers, Options(leave_saddles=0, max_steps=MOST_TRACKED))
     if result.status not in STATIONARY:
         raise NoRestError(f"{result.status.value} with the same gaps")
@@ -195,10 +202,10 @@ def _accepted(
             raise NoRestError(f"a place of contact is off its features by {off:.1e}")
         if forces.min() < -PULLS * max(1.0, float(forces.max())):
             raise NoRestError(f"a force pulls, {forces.min():.1e}")
-    found = audit(shape, DEPTH * length)
-    if found.penetration > DEPTH * length:
-        raise NoRestError(f"features cross, {found.penetration:.1e} deep")
-    motion = Motion(Shape.of(before, problem.gap), shape)
+    found = audit(shape, problem.gap + DEPTH * length)
+    if found.lacks(problem.gap) > DEPTH * length:
+        raise NoRestError(f"features cross, or are nearer than the gap, by {found.lacks(problem.gap):.1e}")
+    motion = way_between(before, result.state, problem.gap)
     met = motion.passages()
     if len(met):
         depth = motion.depth(met)
@@ -207,17 +214,39 @@ def _accepted(
     return Rest(problem, certified(problem, result, found), found, steps, changes)
 
 
-def found(rest: Rest, band: Band, by: float, along: Slopes | None) -> Rest:
+def found(rest: Rest, band: Band, by: float, along: Slopes | None, gap: float | None = None) -> Rest:
     """The next shape by a barrier, then without it. Raises NoRestError.
 
     From the shape its gaps are opened to half of the reach, by the least move, and nothing meets on the way;
     nor does it on any step of the descents, which end a thirtieth of the first reach apart.
     """
+    gap = rest.gap if gap is None else gap
+    x, own = rest.result.x, rest.multipliers
+    if along is not None:
+        x, own = x + by * along.x, own + by * along.multipliers[: rest.problem.base.rows]
+    return let_down(rest.state, band, x, own, rest.pairs, gap)
+
+
+def let_down(
+    before: State,
+    band: Band,
+    x: Array,
+    own: Array | None,
+    pairs: Pairs,
+    gap: float = 0.0,
+    slip: float = 10.0 * DEPTH,
+) -> Rest:
+    """The shape at rest next to a place x (7N,), which need not be one that keeps its gaps, by a barrier.
+
+    `own` are multipliers of constraints, estimated where there are none. Pairs are those known to be near, on
+    the sides on which they are to stay. The way from the shape `before`, which may be on a coarser grid, to
+    where the descent begins may pass through itself no deeper than `slip`, as part of l. Raises NoRestError.
+    """
     length = band.length
-    start, own = _opened(rest, band, by, along, 0.5 * REACHES[0] * length)
+    start = _opened(before, band, x, pairs, gap, 0.5 * REACHES[0] * length, slip)
     steps, x, why = 0, start.vector(), NoRestError("no reach")
     for k, reach in enumerate(REACHES):
-        problem = BarrierProblem(band, reach * length)
+        problem = BarrierProblem(band, reach * length, gap)
         options = Options(
             way=problem.allows,
             leave_saddles=MOST_SADDLES,
@@ -233,15 +262,16 @@ def found(rest: Rest, band: Band, by: float, along: Slopes | None) -> Rest:
         if k < POLISH_FROM:
             continue
         near = problem.near(x)
-        listed, forces = candidates(problem.shape(x), near, problem.forces(x, near))
+        listed, forces = near, problem.forces(x, near)
+        listed, forces = merged(near, forces) if gap else candidates(problem.shape(x), near, forces)
         try:
-            return _at_rest(result, band, listed, forces, steps)
+            return _at_rest(result, band, gap, listed, forces, steps)
         except NoRestError as failure:
             why = failure
     raise why
 
 
-def _at_rest(result: Result, band: Band, listed: Pairs, forces: Array, steps: int) -> Rest:
+def _at_rest(result: Result, band: Band, gap: float, listed: Pairs, forces: Array, steps: int) -> Rest:
     """The shape at rest beside one that a barrier holds; with gaps that bound it, if some suffice. Raises
     NoRestError.
 
@@ -250,16 +280,16 @@ def _at_rest(result: Result, band: Band, listed: Pairs, forces: Array, steps: in
     end: Rest | None = None
     for _ in range(MOST_SHARINGS):
         try:
-            polished, found, more = _polished(band, result.x, result.multipliers, listed, forces)
+            polished, found, more = _polished(band, gap, result.x, result.multipliers, listed, forces)
             other = _accepted(result.state, polished, found, 10.0 * DEPTH, steps + more, ("barrier",))
         except NoRestError:
             if end is None:
                 raise
             break
-        lost = on_rim(Shape.of(other.state), other.pairs)
+        lost = on_rim(Shape.of(other.state, gap), other.pairs, gap)
         if end is None or lost is None:
             end = other
-        if lost is None:
+        if lost is None or gap:
             break
         keep = np.array([key != lost for key in listed.names()])
         listed, forces = listed.take(keep), forces[keep]
@@ -267,42 +297,62 @@ def _at_rest(result: Result, band: Band, listed: Pairs, forces: Array, steps: in
     return end
 
 
-def _opened(rest: Rest, band: Band, by: float, along: Slopes | None, gap: float) -> tuple[State, Array]:
-    """A shape that crosses nothing, nor does the way to it: the predicted one, with gaps opened that are kept
-    and those of what passes through itself; and multipliers of its constraints. Raises NoRestError."""
-    x, multipliers = rest.result.x, rest.result.multipliers
-    if along is not None:
-        x, multipliers = x + by * along.x, multipliers + by * along.multipliers
-    before, pairs, why = Shape.of(rest.state), rest.pairs, "what passes through itself cannot be opened"
+def _opened(before: State, band: Band, x: Array, pairs: Pairs, gap: float, room: float, slip: float) -> State:
+    """A shape that crosses nothing, nor does the way to it: x with gaps opened to `room` more than they are
+    to be, those known and those of what passes through itself. Raises NoRestError."""
+    why = "what passes through itself cannot be opened"
     problem = Problem(band)
     for _ in range(MOST_OPENINGS):
         try:
-            x = _apart(band, x, pairs, gap)
+            x = _apart(band, x, pairs, gap + room, room)
         except FactorisationError:
             break
-        motion = Motion(before, Shape.of(problem.state(x)))
-        met = motion.passages()
-        if audit(motion.after, 0.0).penetration == 0.0:
-            if not len(met) or motion.depth(met) <= 10.0 * DEPTH * band.length:
-                return problem.state(x), rest.problem.split(multipliers)[0]
+        state = problem.state(x)
+        motion = way_between(before, state, gap)
+        met, shape = motion.passages(), Shape.of(state, gap)
+        close = _nearer(shape, gap + 0.25 * room) if gap else Pairs.none()
+        if not len(close) and audit(shape, 0.0).penetration == 0.0:
+            if not len(met) or motion.depth(met) <= slip * band.length:
+                return state
             why = "the way to the start passes through itself"
+        if motion.after.segments != shape.segments:
+            break
         what = arguments(met.pairs)
-        value = gaps(vectors(motion.after, what), what, met.pairs.sign, band.half_width).value
-        more = united(pairs, met.pairs.take(value < 0.5 * gap).unique())
+        value = gaps(vectors(shape, what), what, met.pairs.sign, band.half_width).value
+        more = united(united(pairs, met.pairs.take(value < gap + 0.5 * room).unique()), close)
         if len(more) == len(pairs):
             break
         pairs = more
     raise NoRestError(why)
 
 
-def _apart(band: Band, x: Array, pairs: Pairs, gap: float) -> Array:
-    """The place near x on the constraints at which gaps are at least `gap`, by least moves."""
+def _nearer(shape: Shape, reach: float) -> Pairs:
+    """The pairs nearer than a reach, over all pairs, each once and as it is nearest."""
+    return nearest(shape, Neighbourhood.of(shape, reach, 0.0).features, reach).unique()
+
+
+def way_between(before: State, after: State, gap: float = 0.0) -> Motion:
+    """The straight way from one shape to another, on a grid that divides facets of both. Raises NoRestError
+    where that has too many facets."""
+    one, other = before.band.segments, after.band.segments
+    both = math.lcm(one, other)
+    if both > MOST_FACETS:
+        raise NoRestError(
+            f"no way from N = {one} to {other} is short enough to be looked at: double N instead"
+        )
+    ends = (Shape.of(divided(state, both // state.band.segments), gap) for state in (before, after))
+    return Motion(*ends)
+
+
+def _apart(band: Band, x: Array, pairs: Pairs, gap: float, room: float) -> Array:
+    """The place near x on the constraints at which gaps are at least `gap`, to a part of `room`, by least
+    moves."""
     problem = RestingProblem(band, pairs, gap)
     base, n = problem.base, problem.size
     for _ in range(MOST_MOVES):
         away = problem.gaps(x).value - gap
         wrong = np.concatenate((base.constraints(x), np.minimum(away, 0.0)))
-        if float(np.abs(wrong).max()) <= APART * gap:
+        if float(np.abs(wrong).max()) <= APART * room:
             break
         local = problem.local_derivatives(x, None)
         normal = Factor(
@@ -321,7 +371,7 @@ def _apart(band: Band, x: Array, pairs: Pairs, gap: float) -> Array:
 
 
 def _polished(
-    band: Band, x: Array, own: Array, listed: Pairs, forces: Array
+    band: Band, gap: float, x: Array, own: Array, listed: Pairs, forces: Array
 ) -> tuple[RestingProblem, Result, int]:
     """The stationary point near x whose gaps, of those listed, push or are open; and the steps to it.
 
@@ -332,19 +382,22 @@ def _polished(
     forces = np.where(forces > SMALL * forces.max(initial=0.0), forces, 0.0)
     known = dict(zip(listed.names(), forces.tolist(), strict=True))
     for steps in range(MOST_STEPS):
-        possible = listed.take(_off(Shape.of(State.from_vector(band, x)), listed) <= MARGIN)
+        if gap:
+            # Which kind of distance is the least may change from step to step.
+            listed = _nearer(Shape.of(State.from_vector(band, x), gap), gap + NEAR * band.length)
+        possible = listed.take(_off(Shape.of(State.from_vector(band, x), gap), listed) <= MARGIN)
         here = np.array([known.get(key, 0.0) for key in possible.names()])
         # Where gaps depend on each other forces can be shared out in many ways: one that serves is kept.
-        pushes, value = here > 0.0, RestingProblem(band, possible).gaps(x).value
+        pushes, value = here > 0.0, RestingProblem(band, possible).gaps(x).value - gap
         serves = (value[~pushes] >= -SERVES * band.length).all()
         if not steps or (len(working) == pushes.sum() and serves):
             working, own_forces = possible.take(pushes), here[pushes]
         else:
-            working, own_forces = _working(band, x, own, possible, here)
-        problem = RestingProblem(band, working)
+            working, own_forces = _working(band, gap, x, own, possible, here)
+        problem = RestingProblem(band, working, gap)
         point = iterate_at(problem, x, np.concatenate((own, own_forces)))
         if point.worst <= options.goal or (point.worst <= options.tolerance and stuck > 1):
-            off = _off(Shape.of(point.state), working)
+            off = _off(Shape.of(point.state, gap), working)
             if not (off > OFF).any():
                 result = solve(problem, x, point.multipliers, replace(options, max_steps=4))
                 if result.status not in STATIONARY:
@@ -363,7 +416,9 @@ def _polished(
     raise NoRestError(f"too many steps ({best:.1e}, {len(working)} gaps)")
 
 
-def _working(band: Band, x: Array, own: Array, possible: Pairs, forces: Array) -> tuple[Pairs, Array]:
+def _working(
+    band: Band, gap: float, x: Array, own: Array, possible: Pairs, forces: Array
+) -> tuple[Pairs, Array]:
     """The candidates that push in the quadratic problem at x, and their forces there.
 
     With p = p_0 + V f for forces f, V = K^-1 G^T, linearised gaps are q + M f with M = G V, and f >= 0
@@ -373,7 +428,7 @@ def _working(band: Band, x: Array, own: Array, possible: Pairs, forces: Array) -
     """
     if not len(possible):
         return possible, forces
-    problem = RestingProblem(band, possible)
+    problem = RestingProblem(band, possible, gap)
     local = problem.local_derivatives(x, np.concatenate((own, forces)))
     assert isinstance(local, RestingDerivatives)
     assert local.touched is not None
@@ -386,7 +441,7 @@ def _working(band: Band, x: Array, own: Array, possible: Pairs, forces: Array) -
     none = np.zeros(problem.base.rows)
     v = np.array([factor.solve(np.concatenate((row, none, tail)))[:n] for row in rows])
     m = rows @ v.T
-    found = pushing(m, problem.gaps(x).value + rows @ p - m @ forces)
+    found = pushing(m, problem.gaps(x).value - gap + rows @ p - m @ forces)
     keep = found > 0.0
     return possible.take(keep), found[keep]
 
