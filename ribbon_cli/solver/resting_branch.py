@@ -67,8 +67,7 @@ def allowed(base: Point, point: Point) -> bool:
         at = places(shape, problem.pairs)
         if np.maximum(-at, at - 1.0).max() > OFF or forces.min() < -PULLS * max(1.0, float(forces.max())):
             return False
-    seen = audit(shape, problem.gap + depth)
-    if seen.penetration > depth or seen.clearance < problem.gap - depth:
+    if audit(shape, problem.gap + depth).lacks(problem.gap) > depth:
         return False
     motion = Motion(Shape.of(base.state, problem.gap), shape)
     met = motion.passages()

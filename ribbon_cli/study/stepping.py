@@ -75,7 +75,10 @@ def refined(
     walk: Walk, start: Summary, segments: int, stage: str, *, splitting: bool = False
 ) -> Ended | Failure:
     """The equilibrium on another number of segments that a state's shape leads to."""
-    state = state_of(walk.journal.load(start))
+    record = walk.journal.load(start)
+    state = state_of(record)
+    if start.contacts:
+        return resting.refined(walk, record, segments, stage)
     try:
         move = to_segments(state, segments, walk.options_from(state), splitting=splitting)
     except ClosureError as error:
@@ -86,7 +89,12 @@ def refined(
     if result.certified and start.certified:
         kin = another_minimum(state, result.state, walk.options)
         move = replace(move, events=(*move.events, kin)) if kin else move
-    return _moved(move, result)
+    end = _moved(move, result)
+    if walk.gap is None:
+        return end
+    if resting.passes(end, state, walk.gap):
+        return resting.refined(walk, record, segments, stage)
+    return resting.at_rest(end, walk.gap)
 
 
 def _moved(move: Move, result: Result, before: tuple[Event, ...] = ()) -> Ended:
