@@ -64,9 +64,7 @@ def test_touch_down_is_located_from_the_free_side(solved):
     assert met.half_width == pytest.approx(TOUCH, abs=2e-6)
     assert 0.0 < met.clearance < 1e-4
     assert met.stage == "touch between b = 1.5 and b = 1.55"
-    told = re.fullmatch(
-        r"contact begins at b = (\S+) \(bracket (\S+)\); 2 contacts push at b = 1.55", met.events[-1]
-    )
+    told = re.fullmatch(r"contact begins at b = (\S+) \(bracket (\S+)\)", met.events[-1])
     assert told is not None
     assert float(told[1]) == pytest.approx(met.half_width, rel=1e-11)
     assert float(told[2]) <= 1e-6

@@ -28,7 +28,7 @@ from .failure import Failure
 from .given import Given
 from .plan import Goal, start_kind, start_name, start_width
 from .records import saddle_result, state_of
-from .stepping import longest_step
+from .stepping import all_the_way
 from .walk import Ended, Stage, Walk
 
 MOST_NARROWINGS = 4
@@ -62,9 +62,8 @@ def freed_guess(walk: Walk, config: Config, given: Given | None) -> Summary | Fa
         found = _made(walk, config, narrow, f" at b = {narrow.half_width:.12g}")
         if isinstance(found, Summary) and walk.goes_on(found):
             kind = start_kind(config, band.half_width)
-            return _widened(
-                walk, found, Goal({HALF_WIDTH: band.half_width}, stage=start_name(config), kind=kind)
-            )
+            goal = Goal({HALF_WIDTH: band.half_width}, stage=start_name(config), kind=kind)
+            return all_the_way(walk, found, goal)
     return end
 
 
@@ -107,18 +106,6 @@ def _renamed(part: Turning, suffix: str) -> Turning:
         return replace(made, word=made.word + suffix)
 
     return replace(part, turn=turn)
-
-
-def _widened(walk: Walk, current: Summary, goal: Goal) -> Summary | Failure:
-    """The guess at the width of its config, from a narrower one."""
-    before: Summary | None = None
-    while not goal.reached(current.parameters, current.length):
-        following, why = longest_step(walk, before, current, goal)
-        if why is not None:
-            return why
-        assert following is not None
-        before, current = current, following
-    return current
 
 
 def _freed(

@@ -15,12 +15,13 @@ import numpy as np
 from ..facts import Event, event
 from ..model.band import Band, State
 from ..model.touching import Shape
-from ..model.touching_audit import Motion, audit
+from ..model.touching_audit import audit
 from ..model.touching_gaps import Pairs
 from ..solver.kkt import FactorisationError
 from ..solver.newton import Options, solve
 from ..solver.resting import RestingProblem
-from ..solver.resting_set import DEPTH, NoRestError, Rest, Slopes, found, moved, rest_at, slopes
+from ..solver.resting_refine import resting_refined
+from ..solver.resting_set import DEPTH, NoRestError, Rest, Slopes, found, moved, rest_at, slopes, way_between
 from ..solver.status import Result, Status
 from ..solver.tracking import Way
 from ..store import Contacts, StateRecord
@@ -52,8 +53,7 @@ def at_rest(free: Ended, gap: float) -> Ended:
 def crosses(state: State, gap: float) -> bool:
     """Whether features cross or are nearer than the gap."""
     shape, depth = Shape.of(state, gap), DEPTH * state.band.length
-    seen = audit(shape, max(gap, depth))
-    return seen.penetration > depth or seen.clearance < gap - depth
+    return audit(shape, gap + depth).lacks(gap) > depth
 
 
 def passes(end: Ended | Failure, before: State, gap: float) -> bool:
@@ -63,7 +63,7 @@ def passes(end: Ended | Failure, before: State, gap: float) -> bool:
     state, length = end.result.state, end.problem.band.length
     if crosses(state, gap):
         return True
-    motion = Motion(Shape.of(before, gap), Shape.of(state, gap))
+    motion = way_between(before, state, gap)
     met = motion.passages()
     return len(met) > 0 and motion.depth(met) > 10.0 * DEPTH * length
 
@@ -129,6 +129,18 @@ def _ended(
     method = f"continuation in {names}, {word}" if len(end.pairs) else f"continuation in {names}"
     events = (*changes(rest, end, target),)
     return Ended(end.problem, result, method, events, before)
+
+
+def refined(walk: Walk, start: StateRecord, segments: int, stage: str) -> Ended | Failure:
+    """A shape at rest on itself on another grid."""
+    assert walk.gap is not None
+    try:
+        end = resting_refined(rest_of(start, walk.gap), segments)
+    except NoRestError as error:
+        return failed(error, stage)
+    result = replace(walk.checked(end.result), steps=end.steps)
+    walk.progress(Step(end.steps, result.energy, max(result.kkt_residual, result.constraint_residual)))
+    return Ended(end.problem, result, "smooth prolongation, then by a barrier")
 
 
 def changes(rest: Rest, end: Rest, target: Mapping[str, float]) -> tuple[Event, ...]:
