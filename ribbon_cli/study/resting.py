@@ -19,7 +19,7 @@ from ..model.touching_audit import Motion, audit
 from ..model.touching_gaps import Pairs
 from ..solver.kkt import FactorisationError
 from ..solver.resting import RestingProblem
-from ..solver.resting_set import DEPTH, NoRestError, Rest, Slopes, found, moved, slopes
+from ..solver.resting_set import DEPTH, NoRestError, Rest, Slopes, found, let_down, moved, slopes
 from ..solver.status import Result, Status
 from ..solver.tracking import Way
 from ..store import StateRecord
@@ -42,6 +42,19 @@ def crosses(state: State, gap: float) -> bool:
     shape, depth = Shape.of(state, gap), DEPTH * state.band.length
     seen = audit(shape, max(gap, depth))
     return seen.penetration > depth or seen.clearance < gap - depth
+
+
+def let_down_from(walk: Walk, state: State, stage: str, method: str) -> Ended | Failure:
+    """The shape at rest next to one that touches nothing and is no equilibrium, with contact forces on all the
+    way."""
+    assert walk.gap is not None
+    try:
+        end = let_down(state, state.band, state.vector(), None, Pairs.none(), walk.gap)
+    except NoRestError as error:
+        return Failure("solve", status_of(error), f"({error}.)", {"stage": stage}, "a narrower guess")
+    result = replace(walk.checked(end.result), steps=end.steps)
+    walk.progress(Step(end.steps, result.energy, max(result.kkt_residual, result.constraint_residual)))
+    return Ended(end.problem, result, method)
 
 
 def passes(end: Ended | Failure, before: State, gap: float) -> bool:
