@@ -45,8 +45,9 @@ def crosses(state: State, gap: float) -> bool:
 
 
 def let_down_from(walk: Walk, state: State, stage: str, method: str) -> Ended | Failure:
-    """The shape at rest next to one that touches nothing and is no equilibrium, with contact forces on all the
-    way."""
+    """The shape at rest next to one that touches nothing and is no equilibrium, with contact forces on all
+    the way.
+    """
     assert walk.gap is not None
     try:
         end = let_down(state, state.band, state.vector(), None, Pairs.none(), walk.gap)
