@@ -52,7 +52,7 @@ def contacts_figure(record: StateRecord, style: Style) -> Figure:
     plane, strip = figure.subplots(2, 1, sharex=True, height_ratios=[room, high])
     scale = Normalize(0.0, float(found.forces.max(initial=0.0)) or 1.0)
     _plane(plane, record, flat, found.forces, scale, style)
-    _strip(strip, record, flat, found.forces, scale, style)
+    _strip(strip, record, flat, found.forces, scale, style, high)
     alpha_axis(strip, [record.length])
     plane.set_yticks(strip.get_xticks(), [label.get_text() for label in strip.get_xticklabels()])
     plane.tick_params(labelbottom=False)
@@ -87,9 +87,15 @@ def _plane(
 
 
 def _strip(
-    axes: Axes, record: StateRecord, flat: Array, forces: Array, scale: Normalize, style: Style
+    axes: Axes,
+    record: StateRecord,
+    flat: Array,
+    forces: Array,
+    scale: Normalize,
+    style: Style,
+    high: float,
 ) -> None:
-    """The flat strip with its rulings, and both places of each contact."""
+    """The flat strip with its rulings, and both places of each contact; it is `high` inches high."""
     b, length = record.half_width, record.length
     rulings = LineCollection(_rulings(record), colors=LIGHT_GREY, linewidths=style.thin, zorder=0)
     axes.add_collection(rulings, autolim=False)
@@ -109,7 +115,9 @@ def _strip(
     axes.set_ylim(-1.02 * b, 1.02 * b)
     axes.set_aspect("equal")
     axes.set_anchor("N")
-    axes.set_yticks([-b, 0.0, b], ["−$b$", "0", "$b$"])
+    lines = high * 72 / style.font  # high enough for three, two or no labels
+    ticks = {-b: "−$b$", 0.0: "0", b: "$b$"} if lines > 4.0 else {-b: "−$b$", b: "$b$"} if lines > 2.0 else {}
+    axes.set_yticks(list(ticks), list(ticks.values()))
     for spine in ("left", "bottom"):
         axes.spines[spine].set_visible(False)
 

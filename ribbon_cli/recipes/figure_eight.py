@@ -14,9 +14,11 @@ width. Fold angles close what is left of second order. Lk = +-1 is the writhe of
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ..doors import Later
+from ..keys import SEGMENTS
 from .recipe import Made, Making, NotMadeError, Recipe, Settings, Way
 
 if TYPE_CHECKING:
@@ -90,3 +92,33 @@ def figure_eight(band: Band, half_twists: int) -> State:
             f"the figure-eight cannot be lifted by {wanted:.3g} at its crossing: take a narrower band"
         )
     return lifted(band, hand * float(scipy.optimize.brentq(excess, 0.0, STEEPEST, xtol=1e-12)))
+
+
+def _made(band: Band, half_twists: int) -> Made:
+    try:
+        state = figure_eight(band, half_twists)
+    except folding.ClosureError as error:
+        raise NotMadeError(str(error)) from error
+    found = topology.linking_number(state.u, state.g, band.sigma, band.h).linking_number
+    if abs(found - 0.5 * half_twists) > 1e-6:
+        raise NotMadeError(f"closing it on this mesh makes Lk = {found:g}: take more segments")
+    return Made(state, "figure-eight elastica, lifted at its crossing")
+
+
+def _way(band: Band, half_twists: int, _settings: Settings) -> Way:
+    return Way("figure-eight let down", (Making((STAGE,), lambda _k, _state: _made(band, half_twists)),))
+
+
+CARD = Recipe(
+    name="figure-eight",
+    about="Euler's figure-eight, lifted at its crossing, where it rests on itself",
+    half_twists="2 or -2",
+    fits=lambda n: abs(n) == 2,
+    passes="`construction`",
+    freed="figure-eight let down",
+    way=_way,
+    stages=lambda _: (STAGE,),
+    segments=replace(SEGMENTS, even=True),
+    fewest=lambda _: 20,
+    resting=True,
+)
