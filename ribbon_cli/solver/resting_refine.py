@@ -30,7 +30,7 @@ FARTHEST = 2.0
 def resting_refined(rest: Rest, segments: int) -> Rest:
     """A resting shape on a grid of a multiple of its facets, at rest with the gaps that it keeps there.
 
-    The grid phase is the coarse shape's first, then the other one; what is no certified minimum is taken last.
+    The grid phase is the coarse shape's first, then the other one; what is no certified minimum comes last.
     Raises NoRestError where nothing leads to a shape at rest, and for other grids.
     """
     if segments % rest.band.segments:

@@ -231,12 +231,15 @@ class Guess:
 
 def exchanged(guess: Guess, farthest: float = FARTHEST) -> Rest:
     """The shape at rest near a place, with gaps exchanged on the way. Raises NoRestError."""
-    before, gap = guess.before, guess.gap
-    shape = Shape.of(divided(before, guess.band.segments // before.band.segments), gap)
-    sides = Distances(gap) if gap else Sides(shape, guess.pairs)
+    before, gap, x, kept = guess.before, guess.gap, guess.x, guess.pairs
+    if before.band.segments != guess.band.segments:
+        # On another grid sides are known where nothing crosses.
+        before, kept = _opened(guess, 0.5 * REACHES[0] * guess.band.length), Pairs.none()
+        x = before.vector()
+    sides = Distances(gap) if gap else Sides(Shape.of(before), kept)
     search = Exchange(guess.band, sides, farthest, gap)
-    problem, result = search.rest(guess.x, guess.multipliers, guess.pairs, guess.forces)
-    return accepted(before, problem, result, SLIP, search.steps, ("exchange",))
+    problem, result = search.rest(x, guess.multipliers, guess.pairs, guess.forces)
+    return accepted(guess.before, problem, result, SLIP, search.steps, ("exchange",))
 
 
 def let_down(guess: Guess) -> Rest:
