@@ -19,7 +19,6 @@ reason.
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cached_property
 
 import numpy as np
 import scipy
@@ -42,6 +41,8 @@ PULLS = 1e-9
 """A force below minus this part of the largest one, or of 1, pulls."""
 WEAK = 1e-6
 """A force below this part of the largest one is too weak to count on: its gap may be open as well."""
+UNHELD = 1e-9
+"""Part of what contacts have to hold that may be left, in the scaled metric."""
 STATIONARY_TO = 1e-9
 """Largest component of the Lagrangian's gradient with the forces of a piece."""
 CLOSED = 1e-10
@@ -105,7 +106,8 @@ def _as(result: Result, status: Status, detail: str) -> Result:
 def _on_all_pieces(judge: _Judge, local: Pieces) -> tuple[str, int]:
     """Why it is not known to be a minimum on one of the pieces, empty where it is on all; and their number.
 
-    What is a minimum with the gaps of some clauses is one on all pieces that have these gaps.
+    What is a minimum with the gaps of some clauses is one on all pieces that have these gaps. Where it is none
+    with them, the next clause to choose of is the one that the way downhill breaks most.
     """
     todo: list[tuple[frozenset[int], list[frozenset[int]]]] = [(frozenset(), list(local.clauses))]
     leaves = 0
@@ -114,21 +116,27 @@ def _on_all_pieces(judge: _Judge, local: Pieces) -> tuple[str, int]:
         while single := [clause for clause in clauses if len(clause) == 1]:
             chosen |= frozenset().union(*single)
             clauses = [clause for clause in clauses if not clause & chosen]
-        why = judge.doubt(chosen)
+        why, open_gaps = judge.doubt(chosen)
+        broken = {clause: max(open_gaps[k] for k in clause) for clause in clauses}
+        broken = {clause: most for clause, most in broken.items() if most < 0.0}
         if not why:
             leaves += 1
-        elif not clauses:
+        elif not broken:
             return why, leaves
         elif leaves + len(todo) > MOST_PIECES:
             return f"More than {MOST_PIECES} pieces of what does not cross meet there.", leaves
         else:
-            narrow = min(clauses, key=lambda clause: (len(clause), sorted(clause)))
-            todo += [(chosen | {k}, [c for c in clauses if k not in c]) for k in sorted(narrow)]
+            worst = min(broken, key=lambda clause: (broken[clause], sorted(clause)))
+            todo += [(chosen | {k}, [c for c in clauses if k not in c]) for k in sorted(worst)]
     return "", leaves
 
 
 class _Judge:
-    """What the gaps of touching features (K,) make of a stationary shape."""
+    """What the gaps of touching features (K,) make of a stationary shape.
+
+    `columns` are their rows off those of the constraints, in the scaled metric, in axes that span them;
+    `needed` is in these axes what they have to hold.
+    """
 
     def __init__(self, problem: RestingProblem, result: Result, pairs: Pairs) -> None:
         self.gaps = RestingProblem(problem.band, pairs, problem.gap)
@@ -139,30 +147,37 @@ class _Judge:
         at = self.gaps.gaps(self.x)
         self.rows = self.gaps.rows_of(at.gradient)
         self.closed = np.abs(at.value - problem.gap) <= CLOSED * problem.band.length
-        self.needed = self._projected(self.free.gradient)[0]
-        projected = [self._projected(row)[0] for row in self.rows]
-        self.columns = np.array(projected).reshape(len(pairs), self.base.size).T
+        off = np.array([self._projected(row)[0] for row in self.rows]).reshape(len(pairs), -1).T
+        axes, values, _ = np.linalg.svd(off, full_matrices=False)
+        axes = axes[:, values > DEPENDENT * values.max(initial=0.0)]
+        self.columns, self.needed = axes.T @ off, axes.T @ self._projected(self.free.gradient)[0]
 
-    @cached_property
+    @property
     def independent(self) -> bool:
         """Whether no row depends on the others."""
-        return len(self._independent(np.arange(len(self.rows)))) == len(self.rows)
+        return self.columns.shape[0] == self.columns.shape[1]
 
-    def doubt(self, chosen: frozenset[int]) -> str:
-        """Why the shape is not known to be a minimum among those where the chosen gaps are not negative."""
+    def doubt(self, chosen: frozenset[int]) -> tuple[str, Array]:
+        """Why the shape is not known to be a minimum among those where the chosen gaps are not negative; and
+        how fast gaps (K,) open on a way downhill that opens these, all negative where there is none."""
         which = np.array([k for k in sorted(chosen) if self.closed[k]], dtype=np.int64)
-        forces = scipy.optimize.nnls(self.columns[:, which], self.needed)[0] if which.size else np.empty(0)
-        multipliers, off = self._balanced(which, forces)
-        if off > STATIONARY_TO:
-            return f"On a piece of what does not cross no forces hold it: {off:.1e} is left."
-        if self._definite(which, forces, multipliers):
-            return ""
-        shared = self._shared(which, forces)
-        if self._definite(which, shared, self._balanced(which, shared)[0]):
-            return ""
-        weak = int((shared <= WEAK * shared.max()).sum())
-        beside = f", {weak} contacts without much force left out" if weak else ""
-        return f"The energy is not known to rise along all moves that keep the contacts{beside}."
+        forces, off = _pushing(self.columns[:, which], self.needed)
+        if off > UNHELD * np.linalg.norm(self.needed):
+            down = self.columns[:, which] @ forces - self.needed
+            return (
+                "No forces hold it on a piece of what does not cross: sheets slip off.",
+                down @ self.columns,
+            )
+        why, unknown = "", np.full(len(self.rows), -1.0)
+        for shared in (forces, self._shared(which, forces)):
+            multipliers, left = self._balanced(which, shared)
+            if left > STATIONARY_TO:
+                why = f"Forces on a piece of what does not cross leave {left:.1e} of the gradient."
+            elif self._definite(which, shared, multipliers):
+                return "", unknown
+            else:
+                why = "The energy is not known to rise along all moves that keep the contacts that push."
+        return why, unknown
 
     def _projected(self, row: Array) -> tuple[Array, Array]:
         """What of a row (7N,) is off the constraints' rows, in the scaled metric, and its multipliers."""
@@ -189,8 +204,8 @@ class _Judge:
             own = np.zeros(len(forces))
             own[k] = part
             columns = self.columns[:, which]
-            other, off = scipy.optimize.nnls(columns, self.needed - part * columns[:, k])
-            if off <= STATIONARY_TO:
+            other, off = _pushing(columns, self.needed - part * columns[:, k])
+            if off <= UNHELD * np.linalg.norm(self.needed):
                 every.append(other + own)
         out: Array = np.mean(every, axis=0)
         return out
@@ -214,11 +229,17 @@ class _Judge:
 
     def _independent(self, which: IntArray) -> IntArray:
         """Places in a list of gaps (k,) of some whose rows span those of all, and are independent."""
-        if not len(which):
-            return np.empty(0, dtype=np.int64)
         columns = self.columns[:, which]
         size = np.linalg.norm(columns, axis=0)
         r, order = scipy.linalg.qr(columns / np.maximum(size, 1e-300), mode="r", pivoting=True)
-        clear = np.abs(np.diag(r)[: len(which)]) > DEPENDENT
+        clear = np.abs(np.diag(r)) > DEPENDENT
         out: IntArray = np.sort(order[: len(clear)][clear])
         return out
+
+
+def _pushing(columns: Array, needed: Array) -> tuple[Array, float]:
+    """Forces f >= 0 (k,) that hold as much as they can of what is needed, and how much is left."""
+    if not columns.shape[1]:
+        return np.empty(0), float(np.linalg.norm(needed))
+    forces, off = scipy.optimize.nnls(columns, needed)
+    return forces, float(off)

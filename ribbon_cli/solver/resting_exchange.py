@@ -16,8 +16,9 @@ import scipy
 
 from ..model.band import Array, Band, State
 from ..model.touching import Shape
+from ..model.touching_distances import Distances
 from ..model.touching_gaps import Pairs, places
-from ..model.touching_sides import Distances, Sides
+from ..model.touching_sides import Sides
 from .linear import Factor
 from .newton import Options, Stepper, change, iterate_at, solve
 from .resting import RestingProblem

@@ -11,16 +11,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..model.band import Array, State
+from ..model.band import State
 from ..model.folding import ClosureError
 from ..model.problem import Problem
 from ..model.topology import linking_number
-from ..model.touching import EDGE, FACET, VERTEX, IntArray, Shape
-from ..model.touching_gaps import Pairs, places
+from ..model.touching import Shape
+from ..model.touching_barrier import candidates
+from ..model.touching_distances import nearer
 from .kkt import FactorisationError
 from .newton import estimate_multipliers
 from .prolongation import Phase, phase_of, smooth
-from .resting_set import SLIP, Guess, NoRestError, Rest, exchanged, let_down
+from .resting_set import REACHES, SLIP, Guess, NoRestError, Rest, exchanged, let_down, united, way_between
 
 SAME_LINKING = 1e-6
 FARTHEST = 2.0
@@ -57,29 +58,15 @@ def resting_refined(rest: Rest, segments: int) -> Rest:
 
 
 def _guess(rest: Rest, start: State) -> Guess:
-    """The prolonged shape, with the coarse shape's gaps on the finer grid."""
-    pairs = finer_pairs(Shape.of(rest.state, rest.gap), rest.pairs, start.band.segments // rest.band.segments)
+    """The prolonged shape, with the gaps to open in it on the sides on which they were in the coarse one: of
+    what passes through itself on the way, and of what is nearer than the barrier's first reach."""
+    shape, gap = Shape.of(start, rest.gap), rest.gap
+    met = way_between(rest.state, start, gap).passages().pairs.unique()
+    close = nearer(shape, gap + REACHES[0] * start.band.length)
+    pairs = united(met, candidates(shape, close, np.zeros(len(close)), gap)[0])
     x = start.vector()
     own = estimate_multipliers(Problem(start.band), x)
-    return Guess(rest.state, start.band, x, own, pairs, np.zeros(len(pairs)), rest.gap, SLIP)
-
-
-def finer_pairs(shape: Shape, pairs: Pairs, parts: int) -> Pairs:
-    """What touches, in the numbers of the same shape with every facet cut into equal parts."""
-    at = places(shape, pairs)
-    return Pairs(_finer(pairs.first, at[:, 0], parts), _finer(pairs.second, at[:, 2], parts), pairs.sign)
-
-
-def _finer(features: IntArray, along: Array, parts: int) -> IntArray:
-    """Features (k,2) and where they touch, along the strip, on the finer grid."""
-    kind, number = features.T
-    part = np.clip((parts * along).astype(np.int64), 0, parts - 1)
-    track = np.where(kind == EDGE, number % 3, number % 2)
-    vertex = 2 * parts * (number // 2) + track
-    edge = 3 * (parts * (number // 3) + np.where(track > 0, part, 0)) + track
-    facet = parts * number + part
-    finer = np.select([kind == VERTEX, kind == EDGE, kind == FACET], [vertex, edge, facet])
-    return np.column_stack((kind, finer))
+    return Guess(rest.state, start.band, x, own, pairs, np.zeros(len(pairs)), gap, SLIP)
 
 
 def _same_linking(coarse: State, fine: State) -> None:

@@ -19,8 +19,9 @@ from ..model.problem import Problem
 from ..model.touching import Shape
 from ..model.touching_audit import Audit, Motion, audit
 from ..model.touching_barrier import candidates
+from ..model.touching_distances import Distances, nearer
 from ..model.touching_gaps import Pairs, arguments, gaps, vectors
-from ..model.touching_sides import Distances, Sides, nearer
+from ..model.touching_sides import Sides
 from ..parts import HALF_WIDTH
 from .kkt import FactorisationError
 from .linear import Factor
@@ -236,7 +237,7 @@ def exchanged(guess: Guess, farthest: float = FARTHEST) -> Rest:
         # On another grid sides are known where nothing crosses.
         before, kept = _opened(guess, 0.5 * REACHES[0] * guess.band.length), Pairs.none()
         x = before.vector()
-    sides = Distances(gap) if gap else Sides(Shape.of(before), kept)
+    sides = Distances() if gap else Sides(Shape.of(before), kept)
     search = Exchange(guess.band, sides, farthest, gap)
     problem, result = search.rest(x, guess.multipliers, guess.pairs, guess.forces)
     return accepted(guess.before, problem, result, SLIP, search.steps, ("exchange",))
@@ -271,7 +272,7 @@ def let_down(guess: Guess) -> Rest:
             continue
         near = problem.near(x)
         listed, forces = candidates(problem.shape(x), near, problem.forces(x, near), gap)
-        sides = Distances(gap) if gap else Sides(problem.shape(x), Pairs.none())
+        sides = Distances() if gap else Sides(problem.shape(x), Pairs.none())
         search = Exchange(band, sides, WANDERED, gap)
         try:
             polished, found = search.rest(x, own, listed, forces)
