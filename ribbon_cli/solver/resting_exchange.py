@@ -51,9 +51,17 @@ class Exchange:
     `farthest` is the change from the start beyond which it goes somewhere else.
     """
 
-    def __init__(self, band: Band, sides: Sides | Distances, farthest: float, gap: float = 0.0) -> None:
+    def __init__(
+        self,
+        band: Band,
+        sides: Sides | Distances,
+        farthest: float,
+        gap: float = 0.0,
+        near_saddle: float = Options.near_saddle,
+    ) -> None:
         self.band, self.sides, self.farthest, self.gap = band, sides, farthest, gap
-        self.options = Options(leave_saddles=0)
+        self.options = Options(leave_saddles=0, near_saddle=near_saddle)
+        self.saddle: tuple[RestingProblem, Result] | None = None
         self.gone: set[tuple[int, int, int, int]] = set()
         self.saddles = 0
         self.steps = 0
@@ -96,6 +104,8 @@ class Exchange:
         result = solve(problem, point.x, point.multipliers, replace(self.options, max_steps=4))
         if result.status not in STATIONARY:
             raise NoRestError(f"{result.status.value} at the end")
+        if result.status is Status.SADDLE:
+            self.saddle = problem, result
         if result.status is Status.SADDLE and self.saddles < MOST_SADDLES:
             self.saddles += 1
             beside = Stepper(problem, self.options).left(iterate_at(problem, result.x, result.multipliers))

@@ -17,15 +17,31 @@ from ..model.problem import Problem
 from ..model.topology import linking_number
 from ..model.touching import Shape
 from ..model.touching_barrier import candidates
-from ..model.touching_distances import nearer
+from ..model.touching_distances import Distances, nearer
+from ..model.touching_gaps import Pairs
+from ..model.touching_sides import Sides
 from .kkt import FactorisationError
 from .newton import estimate_multipliers
 from .prolongation import Phase, phase_of, smooth
-from .resting_set import REACHES, SLIP, Guess, NoRestError, Rest, exchanged, let_down, united, way_between
+from .resting_exchange import Exchange
+from .resting_set import (
+    REACHES,
+    SLIP,
+    Guess,
+    NoRestError,
+    Rest,
+    accepted,
+    let_down,
+    opened,
+    united,
+    way_between,
+)
 
 SAME_LINKING = 1e-6
 FARTHEST = 2.0
 """Change from a prolonged shape beyond which a search for the gaps that push goes somewhere else."""
+NEAR_SADDLE = 10.0
+"""Residual from which saddles are stepped onto: sliding, a symmetry but for the grid, has many of them."""
 
 
 def resting_refined(rest: Rest, segments: int) -> Rest:
@@ -40,21 +56,38 @@ def resting_refined(rest: Rest, segments: int) -> Rest:
     if rest.band.closed:
         phases.append(Phase.NODE if phases[0] is Phase.FACET else Phase.FACET)
     ends, failures = [], []
-    for search in (exchanged, let_down):
-        for phase in phases:
-            try:
-                guess = _guess(rest, smooth(rest.state, segments, phase).state)
-                end = search(guess)
-                _same_linking(rest.state, end.state)
-            except (ClosureError, FactorisationError, NoRestError) as failure:
-                failures.append(f"inflections on a {phase.value}: {failure}")
-                continue
-            if end.result.certified:
-                return end
-            ends.append(end)
-        if ends:
-            return ends[0]
-    raise NoRestError("; ".join(failures))
+    for phase in phases:
+        try:
+            end = _settled(_guess(rest, smooth(rest.state, segments, phase).state))
+            _same_linking(rest.state, end.state)
+        except (ClosureError, FactorisationError, NoRestError) as failure:
+            failures.append(f"inflections on a {phase.value}: {failure}")
+            continue
+        if end.result.certified:
+            return end
+        ends.append(end)
+    if not ends:
+        raise NoRestError("; ".join(failures))
+    return ends[0]
+
+
+def _settled(guess: Guess) -> Rest:
+    """The shape at rest near a place: by exchange of gaps, else by a barrier, from a saddle that was met on
+    the way or from the beginning. Raises NoRestError."""
+    start = opened(guess, 0.5 * REACHES[0] * guess.band.length)
+    sides = Distances() if guess.gap else Sides(Shape.of(start), Pairs.none())
+    search = Exchange(guess.band, sides, FARTHEST, guess.gap, NEAR_SADDLE)
+    x = start.vector()
+    own = estimate_multipliers(Problem(guess.band), x)
+    try:
+        problem, result = search.rest(x, own, guess.pairs, guess.forces)
+        return accepted(guess.before, problem, result, SLIP, search.steps, ("exchange",))
+    except NoRestError:
+        if search.saddle is None:
+            return let_down(guess)
+    saddle = accepted(guess.before, *search.saddle, SLIP, search.steps, ("saddle",))
+    x, own = saddle.result.x, saddle.multipliers
+    return let_down(Guess(saddle.state, guess.band, x, own, saddle.pairs, saddle.forces, guess.gap))
 
 
 def _guess(rest: Rest, start: State) -> Guess:
@@ -64,9 +97,7 @@ def _guess(rest: Rest, start: State) -> Guess:
     met = way_between(rest.state, start, gap).passages().pairs.unique()
     close = nearer(shape, gap + REACHES[0] * start.band.length)
     pairs = united(met, candidates(shape, close, np.zeros(len(close)), gap)[0])
-    x = start.vector()
-    own = estimate_multipliers(Problem(start.band), x)
-    return Guess(rest.state, start.band, x, own, pairs, np.zeros(len(pairs)), gap, SLIP)
+    return Guess(rest.state, start.band, start.vector(), None, pairs, np.zeros(len(pairs)), gap, SLIP)
 
 
 def _same_linking(coarse: State, fine: State) -> None:
