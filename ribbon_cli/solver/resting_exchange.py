@@ -30,7 +30,7 @@ NEARLY_CLOSED = 1e-3
 """Gap, as part of l, up to which it is taken into the quadratic problem."""
 CROSSED = 5e-3
 """Depth, as part of l, from which a shape crosses itself too deeply to go on."""
-MOST_STEPS, MOST_STUCK, MOST_SADDLES = 40, 8, 3
+MOST_STEPS, MOST_STUCK, MOST_SADDLES = 60, 12, 4
 PROXIMAL = 1e-2
 DEPENDENT = 1e-9
 """Eigenvalue of the gaps' compliance, relative to the largest, below which gaps depend on each other."""
@@ -63,7 +63,10 @@ class Exchange:
         known = dict(zip(pairs.names(), forces.tolist(), strict=True))
         start, working, best, stuck = x, Pairs.none(), np.inf, 0
         for self.steps in range(MOST_STEPS):
+            before = set(working.names())
             working, pushing_forces = self._working(x, own, known, working)
+            if set(working.names()) != before:
+                best, stuck = np.inf, 0
             problem = RestingProblem(self.band, working)
             point = iterate_at(problem, x, np.concatenate((own, pushing_forces)))
             beside: Array | None = None
