@@ -124,6 +124,10 @@ class Audit:
     distance: Array
     crossing: Crossing
 
+    def lacks(self, gap: float) -> float:
+        """How much features are nearer than a gap that they are to keep, or how deep they cross."""
+        return max(self.penetration, gap - self.clearance)
+
 
 def audit(shape: Shape, reach: float | None = None) -> Audit:
     """Look at all pairs of a shape.
@@ -149,7 +153,8 @@ def _audit(shape: Shape, reach: float) -> Audit:
     distance = np.concatenate((np.abs(heights[vf]), between[ee]))
     near = _pairs(features.vertex_facet[vf], features.edge_edge[ee])
     crossing = _crossings(shape, i, j)
-    clearance = float(distance.min()) if distance.size else reach
+    beside = _beside_facets(shape, features.vertex_facet[~over], reach)
+    clearance = min(float(distance.min(initial=reach)), float(beside.min(initial=reach)))
     depth = float(crossing.depth.max()) if crossing.depth.size else 0.0
     return Audit(0.0 if depth > 0 else clearance, depth, near, distance, crossing)
 
@@ -181,6 +186,19 @@ def _over_facets(shape: Shape, pairs: IntArray) -> tuple[Array, NDArray[np.bool_
     v, f = pairs[:, 0], pairs[:, 1]
     along, across, height = _in_facet(shape, shape.vertices[v], f)
     return height, _on_facet(along, across, shape.xi[f])
+
+
+def _beside_facets(shape: Shape, pairs: IntArray, reach: float) -> Array:
+    """Distances (k,) within a reach of vertices from facets' rims."""
+    pairs = pairs[boxes_near(shape, pairs, reach)]
+    points = shape.vertices[pairs[:, 0]]
+    rim = shape.vertices[shape.corner_numbers[pairs[:, 1]]]
+    along = np.roll(rim, -1, axis=1) - rim
+    off = points[:, None] - rim
+    square = np.maximum((along * along).sum(axis=2), np.finfo(float).tiny)
+    part = np.clip((off * along).sum(axis=2) / square, 0.0, 1.0)
+    out: Array = np.linalg.norm(off - part[..., None] * along, axis=2).min(axis=1, initial=np.inf)
+    return out
 
 
 def _in_facet(shape: Shape, points: Array, f: IntArray) -> tuple[Array, Array, Array]:

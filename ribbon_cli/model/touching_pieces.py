@@ -21,11 +21,26 @@ from numpy.typing import NDArray
 from .band import Array
 from .touching import EDGE, FACET, VERTEX, IntArray, Shape
 from .touching_audit import segment_distance
-from .touching_gaps import ONE, TWO, Pairs, arguments, places, vectors
+from .touching_barrier import sides_at
+from .touching_gaps import (
+    G_FIRST,
+    G_SECOND,
+    ONE,
+    R_FIRST,
+    R_SECOND,
+    TWO,
+    Pairs,
+    arguments,
+    places,
+    vectors,
+)
+from .touching_sides import nearer
 
 TOUCHES = 1e-8
 """Distance, as part of l, up to which features touch."""
 Name = tuple[int, int, int, int]
+EDGE_OF_KIND = 1e-6
+"""Coordinate, or cosine, up to which a nearest place is where distances become ones of another kind."""
 LEVEL = 1e-7
 """Height, as part of l, up to which a feature may lie in the plane of another one, and sine of an angle up to
 which edges may be parallel: of these no clause is made."""
@@ -60,6 +75,45 @@ def pieces(shape: Shape, near: Pairs) -> Pieces:
         clauses[frozenset(known[names[row], float(side[row])] for row in rows.tolist())] = None
     pairs = every.take(np.array(kept, dtype=np.int64))
     return Pieces(Pairs(pairs.first, pairs.second, side[kept]), tuple(clauses))
+
+
+def at_distance(shape: Shape, kept: Pairs, gap: float) -> Pieces:
+    """The same for shapes that keep a gap that is not zero: the distance of each pair that touches is a
+    bound."""
+    pairs = kept.joined(nearer(shape, gap + TOUCHES * shape.length)).unique()
+    return Pieces(pairs, tuple(frozenset((k,)) for k in range(len(pairs))))
+
+
+def jumps(shape: Shape, pairs: Pairs) -> bool:
+    """Whether distances of pairs become ones of another kind where they touch.
+
+    A distance and its gradient are continuous there, second derivatives are not.
+    """
+    at, what = places(shape, pairs), arguments(pairs)
+    if len(pairs) and min(float(at.min()), 1.0 - float(at.max())) <= EDGE_OF_KIND:
+        return True
+    for name, reach, six in zip(pairs.names(), what.reach, vectors(shape, what), strict=True):
+        if name[0] != VERTEX or name[2] == FACET:
+            continue
+        lean = shape.half_width * reach
+        apart = six[R_FIRST] + lean[0] * six[G_FIRST] - six[R_SECOND] - lean[1] * six[G_SECOND]
+        ends = [(name[1], apart)]
+        if name[2] == EDGE:
+            apart -= (apart @ six[TWO]) / (six[TWO] @ six[TWO]) * six[TWO]
+        else:
+            ends.append((name[3], -apart))
+        if any(_leads_away(shape, *end) <= EDGE_OF_KIND for end in ends):
+            return True
+    return False
+
+
+def _leads_away(shape: Shape, vertex: int, apart: Array) -> float:
+    """The least cosine between the edges at a vertex and a direction."""
+    edges = np.array([3 * (vertex // 2), *sides_at(shape, vertex)])
+    first, last = shape.edge_ends(edges)
+    other = shape.vertices[np.where(first == vertex, last, first)] - shape.vertices[vertex]
+    out = other @ apart / (np.linalg.norm(other, axis=1) * np.linalg.norm(apart))
+    return float(out.min())
 
 
 def _parts(shape: Shape, edge: IntArray, facet: IntArray) -> tuple[Pairs, NDArray[np.bool_], Array]:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from .band import Array
 from .touching import EDGE, FACET, VERTEX, IntArray, Shape
 from .touching_audit import audit, boxes_near
-from .touching_barrier import Neighbourhood
+from .touching_barrier import Neighbourhood, nearest
 from .touching_gaps import ONE, TWO, Pairs, arguments, gaps, places, vectors
 
 TOUCHING = 1e-9
@@ -110,7 +110,41 @@ class Sides:
         return away[row, best], np.where(flips, shape.sigma, 1) * known.side[best]
 
 
+<<<<<<< HEAD
 NAMES = ("one", "track", "two", "other")
+=======
+class Distances:
+    """The same for a gap that is not zero: pairs as they are nearest, whose distances need no side."""
+
+    def __init__(self, gap: float) -> None:
+        self.gap = gap
+        self._near: Neighbourhood | None = None
+
+    def near(self, shape: Shape, reach: float) -> tuple[Pairs, NDArray[np.float64]]:
+        """See `Sides`."""
+        if self._near is None or not self._near.covers(shape):
+            self._near = Neighbourhood.of(shape, reach, ROOM * shape.length)
+        pairs = nearest(shape, self._near.features, reach).unique()
+        return pairs, _gaps(shape, pairs)
+
+
+def nearer(shape: Shape, reach: float) -> Pairs:
+    """The pairs nearer than a reach, over all pairs, each once and as it is nearest."""
+    return nearest(shape, Neighbourhood.of(shape, reach, 0.0).features, reach).unique()
+
+
+def _along(shape: Shape, mine: IntArray, theirs: IntArray) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """How many facets apart features (k,2) and (m,2) are along the strip, infinitely many for those that are
+    not alike; and whether directions across the strip change their sign on the way."""
+    (k, track, across), (m, other, also) = (_tracks(of) for of in (mine, theirs))
+    apart = np.abs(k[:, None] - m)
+    over_seam = shape.closed & (2 * apart > shape.segments)
+    swapped = over_seam & (shape.sigma < 0)
+    same = np.where(swapped & (other > 0), 3 - other, other) == track[:, None]
+    alike = same & (mine[:, 0][:, None] == theirs[:, 0])
+    far = np.where(over_seam, shape.segments - apart, apart)
+    return np.where(alike, far, np.inf), over_seam & across[:, None] & also
+>>>>>>> rest-gap
 
 
 def _asked(shape: Shape, pairs: Pairs, turned: bool) -> tuple[IntArray, _Known, Array]:

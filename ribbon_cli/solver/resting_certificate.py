@@ -27,7 +27,7 @@ from ..model.band import Array
 from ..model.touching import IntArray, Shape
 from ..model.touching_audit import Audit
 from ..model.touching_gaps import Pairs
-from ..model.touching_pieces import Pieces, pieces
+from ..model.touching_pieces import Pieces, at_distance, jumps, pieces
 from .inertia import inertia
 from .kkt import FactorisationError
 from .linear import Factor
@@ -59,8 +59,10 @@ STEEPEST_XI = 12.0
 def certified(problem: RestingProblem, result: Result, found: Audit) -> Result:
     """The result with what the certificate makes of its status: minimum, saddle, undecided or gap lost."""
     length, forces = problem.band.length, problem.split(result.multipliers)[1]
-    if found.penetration > PENETRATION * length:
-        return _as(result, Status.GAP_LOST, f"(Features cross by {found.penetration:.1e}.)")
+    if found.lacks(problem.gap) > PENETRATION * length:
+        nearer = problem.gap and not found.penetration
+        what = "Features are nearer than the gap" if nearer else "Features cross"
+        return _as(result, Status.GAP_LOST, f"({what} by {found.lacks(problem.gap):.1e}.)")
     if result.status not in (Status.MINIMUM, Status.SADDLE) or not len(forces):
         return result
     if forces.min() < -PULLS * max(1.0, float(forces.max())):
@@ -68,8 +70,14 @@ def certified(problem: RestingProblem, result: Result, found: Audit) -> Result:
     steepest = float(np.abs(result.state.xi).max())
     if steepest > STEEPEST_XI:
         return _undecided(result, f"|xi| is {steepest:.1f}: facets are too nearly triangles to count.")
-    near = found.near.joined(problem.pairs)
-    local = pieces(Shape.of(result.state, problem.gap), near)
+    shape = Shape.of(result.state, problem.gap)
+    if problem.gap and jumps(shape, problem.pairs):
+        return _undecided(result, "At a contact one kind of distance takes over from another.")
+    local = (
+        at_distance(shape, problem.pairs, problem.gap)
+        if problem.gap
+        else pieces(shape, found.near.joined(problem.pairs))
+    )
     judge = _Judge(problem, result, local.pairs)
     plain = judge.independent and all(len(clause) == 1 for clause in local.clauses)
     if result.status is Status.SADDLE:

@@ -17,7 +17,7 @@ import scipy
 from ..model.band import Array, Band, State
 from ..model.touching import Shape
 from ..model.touching_gaps import Pairs, places
-from ..model.touching_sides import Sides
+from ..model.touching_sides import Distances, Sides
 from .linear import Factor
 from .newton import Options, Stepper, change, iterate_at, solve
 from .resting import RestingProblem
@@ -50,8 +50,8 @@ class Exchange:
     `farthest` is the change from the start beyond which it goes somewhere else.
     """
 
-    def __init__(self, band: Band, sides: Sides, farthest: float) -> None:
-        self.band, self.sides, self.farthest = band, sides, farthest
+    def __init__(self, band: Band, sides: Sides | Distances, farthest: float, gap: float = 0.0) -> None:
+        self.band, self.sides, self.farthest, self.gap = band, sides, farthest, gap
         self.options = Options(leave_saddles=0)
         self.gone: set[tuple[int, int, int, int]] = set()
         self.saddles = 0
@@ -67,7 +67,7 @@ class Exchange:
             working, pushing_forces = self._working(x, own, known, working)
             if set(working.names()) != before:
                 best, stuck = np.inf, 0
-            problem = RestingProblem(self.band, working)
+            problem = RestingProblem(self.band, working, self.gap)
             point = iterate_at(problem, x, np.concatenate((own, pushing_forces)))
             beside: Array | None = None
             if point.worst <= self.options.goal or (point.worst <= self.options.tolerance and stuck > 1):
@@ -91,7 +91,7 @@ class Exchange:
     def _ended(self, problem: RestingProblem, point: Iterate) -> tuple[Result | None, Array | None]:
         """The result of a stationary point, or where to go on from if it is a saddle; neither where a place
         of contact is off its features, which is left out from now on."""
-        off = off_features(Shape.of(point.state), problem.pairs)
+        off = off_features(Shape.of(point.state, self.gap), problem.pairs)
         if (off > OFF).any():
             self.gone.add(problem.pairs.names()[int(np.argmax(off))])
             return None, None
@@ -109,8 +109,9 @@ class Exchange:
         self, x: Array, own: Array, known: dict[tuple[int, int, int, int], float], working: Pairs
     ) -> tuple[Pairs, Array]:
         """The gaps that push at x, and their forces; those before while they serve."""
-        length = self.band.length
-        near, value = self.sides.near(Shape.of(State.from_vector(self.band, x)), CROSSED * length)
+        length, shape = self.band.length, Shape.of(State.from_vector(self.band, x), self.gap)
+        near, value = self.sides.near(shape, self.gap + CROSSED * length)
+        value = value - self.gap
         keep = value <= NEARLY_CLOSED * length
         if self.gone:
             keep &= np.array([name not in self.gone for name in near.names()], dtype=bool)
@@ -120,20 +121,19 @@ class Exchange:
         pushes = forces > 0.0
         if len(working) == pushes.sum() and (value[~pushes] >= -SERVES * length).all():
             return possible.take(pushes), forces[pushes]
-        return _pushing_at(self.band, x, own, possible, forces)
+        return _pushing_at(RestingProblem(self.band, possible, self.gap), x, own, forces)
 
 
-def _pushing_at(band: Band, x: Array, own: Array, possible: Pairs, forces: Array) -> tuple[Pairs, Array]:
-    """The candidates that push in the quadratic problem at x, and their forces there.
+def _pushing_at(problem: RestingProblem, x: Array, own: Array, forces: Array) -> tuple[Pairs, Array]:
+    """The problem's gaps that push in the quadratic problem at x, and their forces there.
 
     With p = p_0 + V f for forces f, V = K^-1 G^T, linearised gaps are q + M f with M = G V, and f >= 0
     minimises f.M f / 2 + q.f: a problem of non-negative least squares, of which M may be singular. K has
     `PROXIMAL` added to W: at a stationary point that changes no force, and soft modes would drown all
     differences between gaps. Where gaps depend on each other, some that suffice get all the force.
     """
-    if not len(possible):
-        return possible, forces
-    problem = RestingProblem(band, possible)
+    if not len(forces):
+        return problem.pairs, forces
     local = problem.local_derivatives(x, np.concatenate((own, forces)))
     assert isinstance(local, RestingDerivatives)
     assert local.touched is not None
@@ -146,9 +146,9 @@ def _pushing_at(band: Band, x: Array, own: Array, possible: Pairs, forces: Array
     none = np.zeros(problem.base.rows)
     v = np.array([factor.solve(np.concatenate((row, none, tail)))[:n] for row in rows])
     m = rows @ v.T
-    found = pushing(m, problem.gaps(x).value + rows @ p - m @ forces)
+    found = pushing(m, problem.gaps(x).value - problem.gap + rows @ p - m @ forces)
     keep = found > 0.0
-    return possible.take(keep), found[keep]
+    return problem.pairs.take(keep), found[keep]
 
 
 def off_features(shape: Shape, pairs: Pairs) -> Array:

@@ -9,6 +9,7 @@ motion to it are audited over all pairs, independently of all lists.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,11 +20,12 @@ from ..model.touching import Shape
 from ..model.touching_audit import Audit, Motion, audit
 from ..model.touching_barrier import candidates
 from ..model.touching_gaps import Pairs, arguments, gaps, vectors
-from ..model.touching_sides import Sides
+from ..model.touching_sides import Distances, Sides, nearer
 from ..parts import HALF_WIDTH
 from .kkt import FactorisationError
 from .linear import Factor
 from .newton import Options, change, solve
+from .prolongation import divided
 from .resting import RestingProblem, resting_rates
 from .resting_barrier import BarrierProblem
 from .resting_certificate import PULLS, certified
@@ -46,6 +48,8 @@ LIFTED = 1e-6
 MOST_OPENINGS, MOST_MOVES = 6, 12
 APART = 1e-3
 MOST_DESCENTS = 80
+MOST_FACETS = 6400
+"""Facets of a grid on which a way between two grids is looked at."""
 BARRIER_GOAL = 1e-6
 WANDERED, FARTHEST = 0.05, 0.5
 """Changes from the shape that a barrier holds, and from a predicted one, beyond which a search for the gaps
@@ -106,7 +110,7 @@ def rest_at(
     problem = RestingProblem(state.band, pairs, gap)
     options = Options(max_steps=3, leave_saddles=0)
     result = solve(problem, state.vector(), np.concatenate((multipliers, forces)), options)
-    return Rest(problem, result, audit(Shape.of(result.state, gap), DEPTH * state.band.length))
+    return Rest(problem, result, audit(Shape.of(result.state, gap), gap + DEPTH * state.band.length))
 
 
 @dataclass(frozen=True)
@@ -129,14 +133,15 @@ def slopes(rest: Rest, name: str = HALF_WIDTH) -> Slopes:
     return Slopes(z[:n], -z[n : n + problem.rows], along.lagrangian)
 
 
-def moved(rest: Rest, band: Band, by: float, along: Slopes) -> Rest:
-    """The next shape with the same gaps, with a band of other parameters. Raises NoRestError."""
+def moved(rest: Rest, band: Band, by: float, along: Slopes, gap: float | None = None) -> Rest:
+    """The next shape with the same pairs, with a band of other parameters or at another gap. Raises
+    NoRestError."""
     x, multipliers = rest.result.x + by * along.x, rest.result.multipliers + by * along.multipliers
-    problem = RestingProblem(band, rest.pairs, rest.gap)
+    problem = RestingProblem(band, rest.pairs, rest.gap if gap is None else gap)
     result = solve(problem, x, multipliers, Options(leave_saddles=0, max_steps=MOST_TRACKED))
     if result.status not in STATIONARY:
         raise NoRestError(f"{result.status.value} with the same gaps")
-    return _accepted(rest.state, problem, result, SLIP, result.steps, ())
+    return accepted(rest.state, problem, result, SLIP, result.steps, ())
 
 
 def _shortened(rest: Rest, name: str, full: float, along: Slopes) -> Rest:
@@ -169,11 +174,11 @@ def touch_down(rest: Rest, name: str = HALF_WIDTH) -> Rest:
     raise NoRestError("no force falls to zero")
 
 
-def _accepted(
+def accepted(
     before: State, problem: RestingProblem, result: Result, slip: float, steps: int, changes: tuple[str, ...]
 ) -> Rest:
-    """The shape with its audit. Raises NoRestError if it, or the way to it from `before`, is none to be
-    accepted."""
+    """The shape with its audit. Raises NoRestError if it, or the way to it from `before`, which may be on a
+    coarser grid, is none to be accepted."""
     shape, length = Shape.of(result.state, problem.gap), problem.band.length
     forces = problem.split(result.multipliers)[1]
     if len(forces):
@@ -182,10 +187,10 @@ def _accepted(
             raise NoRestError(f"a place of contact is off its features by {off:.1e}")
         if forces.min() < -PULLS * max(1.0, float(forces.max())):
             raise NoRestError(f"a force pulls, {forces.min():.1e}")
-    found = audit(shape, DEPTH * length)
-    if found.penetration > DEPTH * length:
-        raise NoRestError(f"features cross, {found.penetration:.1e} deep")
-    motion = Motion(Shape.of(before, problem.gap), shape)
+    found = audit(shape, problem.gap + DEPTH * length)
+    if found.lacks(problem.gap) > DEPTH * length:
+        raise NoRestError(f"features cross, or are nearer than the gap, by {found.lacks(problem.gap):.1e}")
+    motion = way_between(before, result.state, problem.gap)
     met = motion.passages()
     if len(met):
         depth = motion.depth(met)
@@ -194,36 +199,62 @@ def _accepted(
     return Rest(problem, certified(problem, result, found), found, steps, changes)
 
 
-def found(rest: Rest, band: Band, by: float, along: Slopes | None) -> Rest:
-    """The next shape, with other gaps. Raises NoRestError."""
-    try:
-        return exchanged(rest, band, by, along)
-    except NoRestError:
-        return let_down(rest, band, by, along)
-
-
-def exchanged(rest: Rest, band: Band, by: float, along: Slopes | None) -> Rest:
-    """The next shape, with gaps exchanged on the way along the branch. Raises NoRestError."""
-    x, own, forces = rest.result.x, rest.multipliers, rest.forces
+def found(rest: Rest, band: Band, by: float, along: Slopes | None, gap: float | None = None) -> Rest:
+    """The next shape, with other gaps, at another `gap` where one is given. Raises NoRestError."""
+    gap = rest.gap if gap is None else gap
+    x, multipliers = rest.result.x, rest.result.multipliers
     if along is not None:
-        x = x + by * along.x
-        own, forces = rest.problem.split(rest.result.multipliers + by * along.multipliers)
-    search = Exchange(band, Sides(Shape.of(rest.state, rest.gap), rest.pairs), FARTHEST)
-    problem, result = search.rest(x, own, rest.pairs, forces)
-    return _accepted(rest.state, problem, result, SLIP, search.steps, ("exchange",))
+        x, multipliers = x + by * along.x, multipliers + by * along.multipliers
+    own, forces = rest.problem.split(multipliers)
+    guess = Guess(rest.state, band, x, own, rest.pairs, forces, gap)
+    try:
+        return exchanged(guess)
+    except NoRestError:
+        return let_down(guess)
 
 
-def let_down(rest: Rest, band: Band, by: float, along: Slopes | None) -> Rest:
-    """The next shape by a barrier, then without it. Raises NoRestError.
+@dataclass(frozen=True)
+class Guess:
+    """A place near a shape at rest: x (7N,), multipliers of constraints, and pairs that may touch, on the
+    sides on which they are to stay, with their forces (k,). The way to it begins at the shape `before`, which
+    may be on a coarser grid, and passes through itself no deeper than `slip`, as part of l."""
 
-    From the shape its gaps are opened to half of the reach, by the least move, and nothing meets on the way;
-    nor does it on any step of the descents, which end a thirtieth of the first reach apart.
+    before: State
+    band: Band
+    x: Array
+    multipliers: Array
+    pairs: Pairs
+    forces: Array
+    gap: float = 0.0
+    slip: float = 10.0 * DEPTH
+
+
+def exchanged(guess: Guess, farthest: float = FARTHEST) -> Rest:
+    """The shape at rest near a place, with gaps exchanged on the way. Raises NoRestError."""
+    before, gap, x, kept = guess.before, guess.gap, guess.x, guess.pairs
+    if before.band.segments != guess.band.segments:
+        # On another grid sides are known where nothing crosses.
+        before, kept = _opened(guess, 0.5 * REACHES[0] * guess.band.length), Pairs.none()
+        x = before.vector()
+    sides = Distances(gap) if gap else Sides(Shape.of(before), kept)
+    search = Exchange(guess.band, sides, farthest, gap)
+    problem, result = search.rest(x, guess.multipliers, guess.pairs, guess.forces)
+    return accepted(guess.before, problem, result, SLIP, search.steps, ("exchange",))
+
+
+def let_down(guess: Guess) -> Rest:
+    """The shape at rest near a place, which need not be one that keeps gaps, by a barrier, then without it.
+    Raises NoRestError.
+
+    Gaps are opened to half of the reach, by the least move, and nothing meets on the way; nor does it on any
+    step of the descents, which end a thirtieth of the first reach apart.
     """
+    band, gap, own = guess.band, guess.gap, guess.multipliers
     length = band.length
-    start, own = _opened(rest, band, by, along, 0.5 * REACHES[0] * length)
+    start = _opened(guess, 0.5 * REACHES[0] * length)
     steps, x, why = 0, start.vector(), NoRestError("no reach")
     for k, reach in enumerate(REACHES):
-        problem = BarrierProblem(band, reach * length)
+        problem = BarrierProblem(band, reach * length, gap)
         options = Options(
             way=problem.allows,
             leave_saddles=MOST_SADDLES,
@@ -239,52 +270,67 @@ def let_down(rest: Rest, band: Band, by: float, along: Slopes | None) -> Rest:
         if k < POLISH_FROM:
             continue
         near = problem.near(x)
-        listed, forces = candidates(problem.shape(x), near, problem.forces(x, near))
-        search = Exchange(band, Sides(problem.shape(x), Pairs.none()), WANDERED)
+        listed, forces = candidates(problem.shape(x), near, problem.forces(x, near), gap)
+        sides = Distances(gap) if gap else Sides(problem.shape(x), Pairs.none())
+        search = Exchange(band, sides, WANDERED, gap)
         try:
             polished, found = search.rest(x, own, listed, forces)
-            return _accepted(result.state, polished, found, 10.0 * DEPTH, steps + search.steps, ("barrier",))
+            return accepted(result.state, polished, found, 10.0 * DEPTH, steps + search.steps, ("barrier",))
         except NoRestError as failure:
             why = failure
     raise why
 
 
-def _opened(rest: Rest, band: Band, by: float, along: Slopes | None, gap: float) -> tuple[State, Array]:
-    """A shape that crosses nothing, nor does the way to it: the predicted one, with gaps opened that are kept
-    and those of what passes through itself; and multipliers of its constraints. Raises NoRestError."""
-    x, multipliers = rest.result.x, rest.result.multipliers
-    if along is not None:
-        x, multipliers = x + by * along.x, multipliers + by * along.multipliers
-    before, pairs, why = Shape.of(rest.state), rest.pairs, "what passes through itself cannot be opened"
+def _opened(guess: Guess, room: float) -> State:
+    """A shape that crosses nothing, nor does the way to it: the place of a guess with gaps opened to `room`
+    more than they are to be, those known and those of what passes through itself. Raises NoRestError."""
+    band, gap, x, pairs = guess.band, guess.gap, guess.x, guess.pairs
+    why = "what passes through itself cannot be opened"
     problem = Problem(band)
     for _ in range(MOST_OPENINGS):
         try:
-            x = _apart(band, x, pairs, gap)
+            x = _apart(band, x, pairs, gap + room, room)
         except FactorisationError:
             break
-        motion = Motion(before, Shape.of(problem.state(x)))
-        met = motion.passages()
-        if audit(motion.after, 0.0).penetration == 0.0:
-            if not len(met) or motion.depth(met) <= 10.0 * DEPTH * band.length:
-                return problem.state(x), rest.problem.split(multipliers)[0]
+        state = problem.state(x)
+        motion = way_between(guess.before, state, gap)
+        met, shape = motion.passages(), Shape.of(state, gap)
+        close = nearer(shape, gap + 0.25 * room) if gap else Pairs.none()
+        if not len(close) and audit(shape, 0.0).penetration == 0.0:
+            if not len(met) or motion.depth(met) <= guess.slip * band.length:
+                return state
             why = "the way to the start passes through itself"
+        if motion.after.segments != shape.segments:
+            break
         what = arguments(met.pairs)
-        value = gaps(vectors(motion.after, what), what, met.pairs.sign, band.half_width).value
-        more = united(pairs, met.pairs.take(value < 0.5 * gap).unique())
+        value = gaps(vectors(shape, what), what, met.pairs.sign, band.half_width).value
+        more = united(united(pairs, met.pairs.take(value < gap + 0.5 * room).unique()), close)
         if len(more) == len(pairs):
             break
         pairs = more
     raise NoRestError(why)
 
 
-def _apart(band: Band, x: Array, pairs: Pairs, gap: float) -> Array:
-    """The place near x on the constraints at which gaps are at least `gap`, by least moves."""
+def way_between(before: State, after: State, gap: float = 0.0) -> Motion:
+    """The straight way from one shape to another, on a grid that divides facets of both. Raises NoRestError
+    where that has too many facets."""
+    one, other = before.band.segments, after.band.segments
+    both = math.lcm(one, other)
+    if both > MOST_FACETS:
+        raise NoRestError(f"no way from N = {one} to {other} can be looked at: double N instead")
+    first, last = (Shape.of(divided(state, both // state.band.segments), gap) for state in (before, after))
+    return Motion(first, last)
+
+
+def _apart(band: Band, x: Array, pairs: Pairs, gap: float, room: float) -> Array:
+    """The place near x on the constraints at which gaps are at least `gap`, to a part of `room`, by least
+    moves."""
     problem = RestingProblem(band, pairs, gap)
     base, n = problem.base, problem.size
     for _ in range(MOST_MOVES):
         away = problem.gaps(x).value - gap
         wrong = np.concatenate((base.constraints(x), np.minimum(away, 0.0)))
-        if float(np.abs(wrong).max()) <= APART * gap:
+        if float(np.abs(wrong).max()) <= APART * room:
             break
         local = problem.local_derivatives(x, None)
         normal = Factor(
