@@ -60,8 +60,11 @@ class Sides:
         known = signed.joined(kept)
         parts = [_asked(shape, known, turned) for turned in (False, True)]
         turns = [known.sign[at] * turn for at, _, turn in parts]
-        joined = [np.concatenate([getattr(q, name) for _, q, _ in parts]) for name in NAMES]
-        self.known = _Known(*joined, np.concatenate(turns))
+        one, track, two, other = (
+            np.concatenate([getattr(asked, name) for _, asked, _ in parts])
+            for name in ("one", "track", "two", "other")
+        )
+        self.known = _Known(one, track, two, other, np.concatenate(turns))
         self._near: Neighbourhood | None = None
 
     def near(self, shape: Shape, reach: float) -> tuple[Pairs, Array]:
@@ -110,9 +113,6 @@ class Sides:
         return away[row, best], np.where(flips, shape.sigma, 1) * known.side[best]
 
 
-<<<<<<< HEAD
-NAMES = ("one", "track", "two", "other")
-=======
 class Distances:
     """The same for a gap that is not zero: pairs as they are nearest, whose distances need no side."""
 
@@ -131,20 +131,6 @@ class Distances:
 def nearer(shape: Shape, reach: float) -> Pairs:
     """The pairs nearer than a reach, over all pairs, each once and as it is nearest."""
     return nearest(shape, Neighbourhood.of(shape, reach, 0.0).features, reach).unique()
-
-
-def _along(shape: Shape, mine: IntArray, theirs: IntArray) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """How many facets apart features (k,2) and (m,2) are along the strip, infinitely many for those that are
-    not alike; and whether directions across the strip change their sign on the way."""
-    (k, track, across), (m, other, also) = (_tracks(of) for of in (mine, theirs))
-    apart = np.abs(k[:, None] - m)
-    over_seam = shape.closed & (2 * apart > shape.segments)
-    swapped = over_seam & (shape.sigma < 0)
-    same = np.where(swapped & (other > 0), 3 - other, other) == track[:, None]
-    alike = same & (mine[:, 0][:, None] == theirs[:, 0])
-    far = np.where(over_seam, shape.segments - apart, apart)
-    return np.where(alike, far, np.inf), over_seam & across[:, None] & also
->>>>>>> rest-gap
 
 
 def _asked(shape: Shape, pairs: Pairs, turned: bool) -> tuple[IntArray, _Known, Array]:

@@ -20,7 +20,8 @@ from ..model.touching_gaps import Pairs, places
 from .kkt import FactorisationError
 from .newton import estimate_multipliers
 from .prolongation import Phase, phase_of, smooth
-from .resting_set import SLIP, Guess, NoRestError, Rest, exchanged, let_down
+from .resting_exchange import NoRestError
+from .resting_set import SLIP, Guess, Rest, exchanged, let_down
 
 SAME_LINKING = 1e-6
 FARTHEST = 2.0
