@@ -209,8 +209,8 @@ class Shape:
         return ends[np.arange(len(vertices)), vertices % 2][:, None]
 
     def flat_distance(self, one: Array, other: Array, within: float = np.inf) -> Array:
-        """Distances (k,) on the strip of convex outlines (k,p,2) and (k,q,2), the shortest way round; infinite
-        where they are seen to be more than `within`."""
+        """Distances (k,) on the strip of convex outlines (k,p,2) and (k,q,2), the shortest way round;
+        infinite where they are seen to be more than `within`."""
         least = np.full(len(one), np.inf)
         low, high = one[..., 0].min(axis=1), one[..., 0].max(axis=1)
         for turn in (-1, 0, 1) if self.closed else (0,):

@@ -106,8 +106,8 @@ def _as(result: Result, status: Status, detail: str) -> Result:
 def _on_all_pieces(judge: _Judge, local: Pieces) -> tuple[str, int]:
     """Why it is not known to be a minimum on one of the pieces, empty where it is on all; and their number.
 
-    What is a minimum with the gaps of some clauses is one on all pieces that have these gaps. Where it is none
-    with them, the next clause to choose of is the one that the way downhill breaks most.
+    What is a minimum with the gaps of some clauses is one on all pieces that have these gaps. Where it is
+    none with them, the next clause to choose of is the one that the way downhill breaks most.
     """
     todo: list[tuple[frozenset[int], list[frozenset[int]]]] = [(frozenset(), list(local.clauses))]
     leaves = 0
@@ -155,7 +155,8 @@ class _Judge:
     @property
     def independent(self) -> bool:
         """Whether no row depends on the others."""
-        return self.columns.shape[0] == self.columns.shape[1]
+        across, along = self.columns.shape
+        return int(across) == int(along)
 
     def doubt(self, chosen: frozenset[int]) -> tuple[str, Array]:
         """Why the shape is not known to be a minimum among those where the chosen gaps are not negative; and
@@ -164,10 +165,8 @@ class _Judge:
         forces, off = _pushing(self.columns[:, which], self.needed)
         if off > UNHELD * np.linalg.norm(self.needed):
             down = self.columns[:, which] @ forces - self.needed
-            return (
-                "No forces hold it on a piece of what does not cross: sheets slip off.",
-                down @ self.columns,
-            )
+            why = "No forces hold it on a piece of what does not cross: sheets slip off."
+            return why, down @ self.columns
         why, unknown = "", np.full(len(self.rows), -1.0)
         for shared in (forces, self._shared(which, forces)):
             multipliers, left = self._balanced(which, shared)
