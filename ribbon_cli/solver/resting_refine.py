@@ -1,9 +1,10 @@
 """A strip that rests on itself, on a finer grid.
 
 The shape is prolonged as free ones are. Where it touches itself it then crosses itself a little, or stands
-off, and other vertices touch: so it is opened there, and let down by a barrier onto the gaps that the finer
-grid keeps. The way from the coarse shape, whose facets are cut without moving them, is looked at for
-passages over all pairs, so that the linking number and the contacts stay.
+off, and other vertices touch: the gaps that push there are found by exchange, on the sides on which features
+of the coarse shape are, whose facets are cut without moving them; or the shape is opened and let down by a
+barrier. The way from the coarse shape is looked at for passages over all pairs, so that the linking number
+and the contacts stay.
 """
 
 from __future__ import annotations
@@ -12,34 +13,55 @@ import numpy as np
 
 from ..model.band import State
 from ..model.folding import ClosureError
+from ..model.problem import Problem
 from ..model.topology import linking_number
 from ..model.touching import Shape
-from ..model.touching_barrier import Neighbourhood, candidates, nearest
+from ..model.touching_barrier import candidates
+from ..model.touching_distances import Distances, nearer
 from ..model.touching_gaps import Pairs
+from ..model.touching_sides import Sides
+from .kkt import FactorisationError
+from .newton import estimate_multipliers
 from .prolongation import Phase, phase_of, smooth
-from .resting_set import REACHES, SLIP, NoRestError, Rest, let_down, united, way_between
+from .resting_exchange import Exchange
+from .resting_set import (
+    REACHES,
+    SLIP,
+    Guess,
+    NoRestError,
+    Rest,
+    accepted,
+    let_down,
+    opened,
+    united,
+    way_between,
+)
 
 SAME_LINKING = 1e-6
+FARTHEST = 2.0
+"""Change from a prolonged shape beyond which a search for the gaps that push goes somewhere else."""
+NEAR_SADDLE = 10.0
+"""Residual from which saddles are stepped onto: sliding, a symmetry but for the grid, has many of them."""
 
 
 def resting_refined(rest: Rest, segments: int) -> Rest:
-    """A resting shape on another grid, at rest with the gaps that it keeps there.
+    """A resting shape on a grid of a multiple of its facets, at rest with the gaps that it keeps there.
 
-    The grid phase is the coarse shape's; where no certified minimum comes of it, the other phase is tried.
-    Raises NoRestError where neither leads to a shape at rest.
+    The grid phase is the coarse shape's first, then the other one; what is no certified minimum comes last.
+    Raises NoRestError where nothing leads to a shape at rest, and for other grids.
     """
+    if segments % rest.band.segments:
+        raise NoRestError(f"N = {segments} is no multiple of {rest.band.segments}: double N instead")
     phases = [phase_of(rest.state)]
     if rest.band.closed:
         phases.append(Phase.NODE if phases[0] is Phase.FACET else Phase.FACET)
-    ends: list[Rest] = []
-    failures: list[str] = []
+    ends, failures = [], []
     for phase in phases:
         try:
-            end = _refined(rest, smooth(rest.state, segments, phase).state)
-        except (ClosureError, NoRestError) as failure:
-            failures.append(
-                f"inflections on a {phase.value}: {failure}" if rest.band.closed else str(failure)
-            )
+            end = _settled(_guess(rest, smooth(rest.state, segments, phase).state))
+            _same_linking(rest.state, end.state)
+        except (ClosureError, FactorisationError, NoRestError) as failure:
+            failures.append(f"inflections on a {phase.value}: {failure}")
             continue
         if end.result.certified:
             return end
@@ -49,27 +71,39 @@ def resting_refined(rest: Rest, segments: int) -> Rest:
     return ends[0]
 
 
-def _refined(rest: Rest, start: State) -> Rest:
-    """The shape at rest next to a prolonged one. Raises NoRestError."""
-    pairs = _near(rest.state, start, rest.gap)
-    end = let_down(rest.state, start.band, start.vector(), None, pairs, rest.gap, SLIP)
-    if abs(_linking(end.state) - _linking(rest.state)) > SAME_LINKING:
-        raise NoRestError("the linking number changed")
-    return end
+def _settled(guess: Guess) -> Rest:
+    """The shape at rest near a place: by exchange of gaps, else by a barrier, from a saddle that was met on
+    the way or from the beginning. Raises NoRestError."""
+    start = opened(guess, 0.5 * REACHES[0] * guess.band.length)
+    sides = Distances() if guess.gap else Sides(Shape.of(start), Pairs.none())
+    search = Exchange(guess.band, sides, FARTHEST, guess.gap, NEAR_SADDLE)
+    x = start.vector()
+    own = estimate_multipliers(Problem(guess.band), x)
+    try:
+        problem, result = search.rest(x, own, guess.pairs, guess.forces)
+        return accepted(guess.before, problem, result, SLIP, search.steps, ("exchange",))
+    except NoRestError:
+        if search.saddle is None:
+            return let_down(guess)
+    saddle = accepted(guess.before, *search.saddle, SLIP, search.steps, ("saddle",))
+    x, own = saddle.result.x, saddle.multipliers
+    return let_down(Guess(saddle.state, guess.band, x, own, saddle.pairs, saddle.forces, guess.gap))
 
 
-def _near(coarse: State, start: State, gap: float) -> Pairs:
-    """The gaps to open in a prolonged shape, on the sides on which they were in the coarse one: those of what
-    passes through itself on the way, and of what is nearer than the barrier's first reach."""
-    motion = way_between(coarse, start, gap)
-    same = motion.after.segments == start.band.segments
-    met = motion.passages().pairs.unique() if same else Pairs.none()
-    shape, reach = Shape.of(start, gap), gap + REACHES[0] * start.band.length
-    close = nearest(shape, Neighbourhood.of(shape, reach, 0.0).features, reach)
-    return united(met, candidates(shape, close, np.zeros(len(close)))[0])
+def _guess(rest: Rest, start: State) -> Guess:
+    """The prolonged shape, with the gaps to open in it on the sides on which they were in the coarse one: of
+    what passes through itself on the way, and of what is nearer than the barrier's first reach."""
+    shape, gap = Shape.of(start, rest.gap), rest.gap
+    met = way_between(rest.state, start, gap).passages().pairs.unique()
+    close = nearer(shape, gap + REACHES[0] * start.band.length)
+    pairs = united(met, candidates(shape, close, np.zeros(len(close)), gap)[0])
+    return Guess(rest.state, start.band, start.vector(), None, pairs, np.zeros(len(pairs)), gap, SLIP)
 
 
-def _linking(state: State) -> float:
-    """The linking number of a closed band; strips have none."""
-    band = state.band
-    return linking_number(state.u, state.g, band.sigma, band.h).linking_number if band.closed else 0.0
+def _same_linking(coarse: State, fine: State) -> None:
+    """Raise NoRestError if a closed band's linking number changed."""
+    if not coarse.band.closed:
+        return
+    one, other = (linking_number(s.u, s.g, s.band.sigma, s.band.h).linking_number for s in (coarse, fine))
+    if abs(one - other) > SAME_LINKING:
+        raise NoRestError(f"the linking number changed from {one:g} to {other:g}")
