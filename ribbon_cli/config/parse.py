@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ribbon_cli.config import sections, strips
 from ribbon_cli.config.document import MAX_BYTES, Node, position, read_document
-from ribbon_cli.config.guess import initial_guess
+from ribbon_cli.config.guess import initial_guess, report_unheld
 from ribbon_cli.config.mistakes import Mistakes, near_miss, shown
 from ribbon_cli.config.reader import Reader
 from ribbon_cli.config.schedule import half_widths_of, schedule
@@ -85,6 +85,11 @@ def config_of(root: Node, mistakes: Mistakes, text: str, path: str) -> Config:
         spectrum = SpectrumRequest(**reader.section(top["spectrum"], "spectrum", SPECTRUM).values())
     discretisation = found.read("discretisation")
     contact = sections.contact(reader, top.get("contact"))
+    if contact is not None:
+        report_unheld(reader, top.get("initial_guess"), guess, contact.forces)
+    if contact is not None and contact.forces and branch is not None:
+        along = "forces do not go with arclength, which follows a branch through contact"
+        found.report("contact", f"{along}: give widths or a schedule, or record")
     if mistakes.found or kind is None or reader.length is None or widths is None:
         raise mistakes.error()
     if parts is None or contact is None:

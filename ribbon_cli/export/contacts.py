@@ -119,7 +119,8 @@ class _Features:
     def owners(self, features: Indices) -> Indices:
         """A facet (k,) that each of the features (k, 2) belongs to."""
         number = features[:, 1] // np.array([2, 3, 1])[features[:, 0]]
-        return np.minimum(number, self.record.segments - 1)
+        out: Indices = np.minimum(number, self.record.segments - 1)
+        return out
 
     def flattened(self, places: Array, owners: Indices) -> Array:
         """Places (k, 2, 3) on facets (k, 2) as (s, y) (k, 2, 2): in a facet's plane u is (1, 0) and g is

@@ -26,7 +26,7 @@ LINES: dict[int | None, tuple[str, Any]] = {
     None: ("index unknown", (0, (6, 1.6, 1.2, 1.6))),
 }
 """Name and dashes of a stretch by its number of negative eigenvalues."""
-MARKS = {
+MARKS: dict[str, tuple[str, Any]] = {
     "fold": ("fold", "D"),
     "branch-point": ("branch point", "s"),
     "contact": ("contact", "X"),

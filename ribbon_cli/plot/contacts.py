@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
@@ -11,7 +13,7 @@ from matplotlib.patches import Polygon
 from matplotlib.patheffects import Normal, Stroke
 from numpy.typing import NDArray
 
-from ribbon_cli.export.contacts import counted, gathered, touching
+from ribbon_cli.export.contacts import TOGETHER, counted, gathered, touching
 from ribbon_cli.export.fields import even_window
 from ribbon_cli.plot.canvas import Figure
 from ribbon_cli.plot.curves import alpha_axis
@@ -19,7 +21,6 @@ from ribbon_cli.plot.style import INK, LIGHT_GREY, SIDES, Style
 from ribbon_cli.store import StateRecord
 
 Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 RULINGS = 72
 """Most rulings that are drawn."""
@@ -44,22 +45,26 @@ def contacts_figure(record: StateRecord, style: Style) -> Figure:
     flat = counted(record, found.flat, even_window(record))
     groups = gathered(record, found.flat)
     width = style.across(SHARE)
-    room = 0.75 * width  # inside of what numbers and the colours' bar take
+    room = 0.73 * width  # inside of what numbers and the colours' bar take
     high = room * 2.0 * record.half_width / record.length
-    figure = Figure(figsize=(width, room + high + 7.0 * style.font / 72), layout="constrained")
+    # Letters between and below, and room to spare: then both panels are as wide as can be, and alike.
+    figure = Figure(figsize=(width, room + high + 8.0 * style.font / 72), layout="constrained")
     plane, strip = figure.subplots(2, 1, sharex=True, height_ratios=[room, high])
     scale = Normalize(0.0, float(found.forces.max(initial=0.0)) or 1.0)
     _plane(plane, record, flat, found.forces, scale, style)
-    _strip(strip, record, flat, found.forces, scale, style)
-    if len(groups) <= MOST_NUMBERS:
-        _numbers(plane, strip, flat, groups, found.forces, style)
-    alpha_axis(plane, [record.length])
-    plane.set_yticks(plane.get_xticks(), [t.get_text() for t in plane.get_xticklabels()])
+    _strip(strip, record, flat, found.forces, scale, style, high)
+    alpha_axis(strip, [record.length])
+    plane.set_yticks(strip.get_xticks(), [label.get_text() for label in strip.get_xticklabels()])
     plane.tick_params(labelbottom=False)
     strip.set_xlabel(r"$\alpha$")
+    if len(groups) <= MOST_NUMBERS:
+        strongest = [flat[group[int(np.argmax(found.forces[group]))]] for group in groups]
+        above = [places[way, 0] for places in strongest for way in ([0, 1], [1, 0])]
+        _numbers(plane, above, 0.0, style)
+        _numbers(strip, [place for places in strongest for place in places], TOGETHER * record.length, style)
     bar = figure.colorbar(ScalarMappable(scale, FORCES), ax=[plane, strip], aspect=40, pad=0.02)
     bar.set_label("force")
-    bar.outline.set_linewidth(0.6 * style.line)  # type: ignore[operator]
+    bar.outline.set_linewidth(0.6 * style.line)
     return figure
 
 
@@ -76,14 +81,21 @@ def _plane(
         _marks(axes, flat[:, one, 0], flat[:, other, 0], forces, scale, style)
     axes.set_ylim(0.0, length)
     axes.set_aspect("equal")
+    axes.set_anchor("S")
     axes.set_ylabel(r"$\alpha'$")
     axes.grid(color=LIGHT_GREY, linewidth=0.3)
 
 
 def _strip(
-    axes: Axes, record: StateRecord, flat: Array, forces: Array, scale: Normalize, style: Style
+    axes: Axes,
+    record: StateRecord,
+    flat: Array,
+    forces: Array,
+    scale: Normalize,
+    style: Style,
+    high: float,
 ) -> None:
-    """The flat strip with its rulings, and both places of each contact."""
+    """The flat strip with its rulings, and both places of each contact; it is `high` inches high."""
     b, length = record.half_width, record.length
     rulings = LineCollection(_rulings(record), colors=LIGHT_GREY, linewidths=style.thin, zorder=0)
     axes.add_collection(rulings, autolim=False)
@@ -99,10 +111,13 @@ def _strip(
     axes.add_patch(paper)
     rulings.set_clip_path(paper)
     for side in (0, 1):
-        _marks(axes, *flat[:, side].T, forces, scale, style)
+        _marks(axes, flat[:, side, 0], flat[:, side, 1], forces, scale, style)
     axes.set_ylim(-1.02 * b, 1.02 * b)
     axes.set_aspect("equal")
-    axes.set_yticks([-b, 0.0, b], ["−$b$", "0", "$b$"])
+    axes.set_anchor("N")
+    lines = high * 72 / style.font  # high enough for three, two or no labels
+    ticks = {-b: "−$b$", 0.0: "0", b: "$b$"} if lines > 4.0 else {-b: "−$b$", b: "$b$"} if lines > 2.0 else {}
+    axes.set_yticks(list(ticks), list(ticks.values()))
     for spine in ("left", "bottom"):
         axes.spines[spine].set_visible(False)
 
@@ -147,18 +162,23 @@ def _marks(axes: Axes, x: Array, y: Array, forces: Array, scale: Normalize, styl
     )
 
 
-def _numbers(
-    plane: Axes, strip: Axes, flat: Array, groups: list[Indices], forces: Array, style: Style
-) -> None:
-    """The number of each group of contacts, beside the one with the largest force."""
-    for number, group in enumerate(groups, 1):
-        (s, y), (other, across) = flat[group[int(np.argmax(forces[group]))]]
-        for axes, x, up in ((plane, s, other), (plane, other, s), (strip, s, y), (strip, other, across)):
-            text = axes.annotate(
-                str(number),
-                (x, up),
-                xytext=(1.6 * style.marker, 1.2 * style.marker),
-                textcoords="offset points",
-                zorder=4,
-            )
-            text.set_path_effects([Stroke(linewidth=2.0, foreground="white"), Normal()])
+def _numbers(axes: Axes, places: Sequence[Array], near: float, style: Style) -> None:
+    """Numbers beside places (2,), two in turn the same; those that lie nearer to each other have one text."""
+    texts: list[tuple[Array, list[str]]] = []
+    for k, place in enumerate(places):
+        number = str(k // 2 + 1)
+        for known, numbers in texts:
+            if np.hypot(*(known - place)) <= near:
+                numbers.append(number)
+                break
+        else:
+            texts.append((place, [number]))
+    for place, numbers in texts:
+        text = axes.annotate(
+            ", ".join(numbers),
+            (float(place[0]), float(place[1])),
+            xytext=(1.6 * style.marker, 1.2 * style.marker),
+            textcoords="offset points",
+            zorder=4,
+        )
+        text.set_path_effects([Stroke(linewidth=2.0, foreground="white"), Normal()])

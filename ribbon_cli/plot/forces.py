@@ -27,7 +27,7 @@ Flags = NDArray[np.bool_]
 
 PIECES = 24
 """Pieces of an arrow, each of which is seen or hidden."""
-HEAD, SLENDER = 0.3, 0.36
+HEAD, SLENDER = 0.22, 0.3
 """Length of a head as a part of the longest arrow, and half its width as a part of its length."""
 KEY = 0.035
 """Height of the key above the lower edge, as a part of the picture's width: that of the scale's bar."""

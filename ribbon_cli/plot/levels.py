@@ -287,7 +287,8 @@ def branch_figure(
     parameter: str = HALF_WIDTH,
     changes: Sequence[Summary] = (),
 ) -> Figure:
-    """Energy, lowest eigenvalue and clearance over a parameter, and the contact force of bands that have one.
+    """Energy, lowest eigenvalue and clearance over a parameter, and the contact force of bands that have one;
+    where these touch all along, in place of the clearance.
 
     `states` are summaries along the branch in its order; `lowest` the lowest eigenvalue of
     each in the physical metric, rotations and sliding left out, None where no spectrum is stored. Filled
@@ -295,18 +296,19 @@ def branch_figure(
     drawn at `contact`, the value at which that was found to begin. `changes` are states at which a contact
     begins or ends: in the panels of energy and force, a caret from above is a touch, one from below a lift.
     """
-    resting = any(state.with_forces for state in states)
-    figure, places = panels(style, 4, 2, HELD_SHARE) if resting else panels(style, 3, 3, ROW_SHARE)
     b, energy, clearance = energies(states, parameter)
     title, ring = energy_unit(states)
     eigenvalues = np.array([np.nan if v is None else v for v in lowest])
     lowest_title = "lowest eigenvalue but sliding" if states[0].sigma else "lowest eigenvalue"
-    titles, drawn = [title, lowest_title, "clearance"], [energy / ring, eigenvalues, clearance]
+    drawn = {title: energy / ring, lowest_title: eigenvalues, "clearance": clearance}
+    resting = any(state.with_forces for state in states)
     if resting:
-        titles.append(AT_REST)
-        drawn.append(contact_forces(states))
-    branch_panels(places, titles, parameter)
-    for axes, values in zip(places, drawn, strict=True):
+        drawn[AT_REST] = contact_forces(states)
+        if all(state.contacts for state in states):
+            del drawn["clearance"]
+    figure, places = panels(style, 4, 2, HELD_SHARE) if len(drawn) == 4 else panels(style, 3, 3, ROW_SHARE)
+    branch_panels(places, tuple(drawn), parameter)
+    for axes, values in zip(places, drawn.values(), strict=True):
         axes.plot(b, values, color=PALETTE[0], zorder=1)
         _mark(axes, states, b, values, style)
         if contact is not None:
@@ -316,11 +318,9 @@ def branch_figure(
             axes.text(0.5, 0.5, "not stored", transform=axes.transAxes, ha="center", color=GREY)
             axes.set_yticks([])
     if resting and changes:
-        _changes(places[0], places[3], changes, style, parameter)
-    for axes in places[3:]:
-        axes.set_ylim(bottom=0.0)
-    for axes, values in zip(places[1:3], (eigenvalues, clearance), strict=True):
-        if np.nanmin(values, initial=np.inf) > 0:
+        _changes(places[0], places[-1], changes, style, parameter)
+    for axes, (name, values) in list(zip(places, drawn.items(), strict=True))[1:]:
+        if np.nanmin(values, initial=np.inf) > 0 or name == AT_REST:
             axes.set_ylim(bottom=0.0)
     legend_above(figure, places[0].get_legend_handles_labels()[0])
     return figure
@@ -337,7 +337,7 @@ def _changes(energy: Axes, force: Axes, changes: Sequence[Summary], style: Style
         look: dict[str, Any] = {"markerfacecolor": "white", "markeredgecolor": PALETTE[1], "zorder": 4}
         for axes, values in ((energy, e / energy_unit(found)[1]), (force, contact_forces(found))):
             axes.plot(
-                b, values, "", marker=marker, linestyle="", markersize=1.5 * style.marker, label=name, **look
+                b, values, marker=marker, linestyle="", markersize=1.5 * style.marker, label=name, **look
             )
 
 

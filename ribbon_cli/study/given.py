@@ -86,6 +86,7 @@ def _given_state(config: Config, root: Path, tell: Callable[[str], object] | Non
         band = Band(n, float(data["half_width"]), length, sigma, parts=parts)
         g_end = None if band.closed else data["g_end"]
         found = State(band, data["u"], data["g"], data["xi"], g_end)
+        contacts = _check_contacts(config, data.get("contacts"), length, ref)
     else:
         record = _record(run, label, path)
         if record.kind == "auxiliary":
@@ -94,7 +95,8 @@ def _given_state(config: Config, root: Path, tell: Callable[[str], object] | Non
                 "open; start from an equilibrium"
             )
         _check_topology(config, record.sigma, ref)
-        found, contacts = state_of(record), _check_contacts(config, record, ref)
+        found = state_of(record)
+        contacts = _check_contacts(config, record.contacts, record.length, ref)
     mark = _mark(found)
     if config.open:
         _check_parts(config, found.band, ref)
@@ -116,14 +118,13 @@ def _given_state(config: Config, root: Path, tell: Callable[[str], object] | Non
     return Given(State(band, found.u, found.g, found.xi, found.g_end), name, closing, contacts)
 
 
-def _check_contacts(config: Config, record: StateRecord, ref: str) -> Contacts | None:
+def _check_contacts(config: Config, known: Contacts | None, length: float, ref: str) -> Contacts | None:
     """The contacts on which a stored state rests, None where it touches nothing. Raises UsageError where the
     config does not go on with them."""
-    known = record.contacts
     if known is None or not len(known):
         return None
     wanted = "contact: forces" if known.gap == 0.0 else f"contact: {{gap: {known.gap:.12g}}}"
-    scale = config.length / record.length
+    scale = config.length / length
     if not config.contact.forces or not math.isclose(config.contact.gap, known.gap * scale, rel_tol=SAME):
         raise UsageError(f"{ref}: rests on itself with {len(known)} contacts: it takes `{wanted}` to go on")
     return known

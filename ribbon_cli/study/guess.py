@@ -140,6 +140,8 @@ def _freed(
         return Ended(end.problem, walk.checked(end.result), method)
 
     def freed() -> Ended | Failure:
+        if walk.gap is not None and given is None and RECIPES[config.guess.recipe].resting:
+            return resting.let_down_from(walk, state, stage.name, method)
         problem, options = Problem(band), walk.options_from(state)
         if config.guess.keep_saddle:
             result = walk.checked(nearest(state, options.guard))

@@ -14,7 +14,7 @@ from ..model.band import Array, Band, Discretisation, Multipliers, State
 from ..model.contact import self_contact
 from ..model.geometry import geometry
 from ..model.problem import Problem
-from ..model.reactions import reactions
+from ..model.reactions import Reactions, reactions
 from ..model.topology import linking_number, open_turn, writhe
 from ..model.touching import Shape, excluded_distance
 from ..model.touching_audit import audit
@@ -22,7 +22,7 @@ from ..model.touching_gaps import Pairs
 from ..parts import FREE
 from ..solver.kkt import FactorisationError
 from ..solver.newton import inverted_facets
-from ..solver.resting import RestingProblem
+from ..solver.resting import RestingProblem, resting_reactions
 from ..solver.resting_set import Rest, rest_at
 from ..solver.spectra import Spectrum, full_spectra, lowest_spectra
 from ..solver.status import Result, SaddleMet, Status
@@ -178,8 +178,7 @@ def derive(reached: Reached) -> Derived:
     contacts = contacts_of(problem, result)
     touching, clearance = _meeting(state, end, contacts)
     facets = inverted_facets(problem, result.x)
-    own, base = split(problem, result.multipliers)[0], _base(problem)
-    held = None if band.closed else reactions(base, result.x, own)
+    held = None if band.closed else _reactions(problem, result)
     return Derived(
         energy=result.energy,
         kkt_residual=result.kkt_residual,
@@ -213,9 +212,11 @@ def split(problem: Problem, multipliers: Array) -> tuple[Array, Array]:
     return multipliers, np.empty(0)
 
 
-def _base(problem: Problem) -> Problem:
-    """The problem without its gaps."""
-    return problem.base if isinstance(problem, RestingProblem) else problem
+def _reactions(problem: Problem, result: Result) -> Reactions:
+    """What holds a strip's ends."""
+    if isinstance(problem, RestingProblem):
+        return resting_reactions(problem, result.x, result.multipliers)
+    return reactions(problem, result.x, result.multipliers)
 
 
 def contacts_of(problem: Problem, result: Result) -> Contacts | None:
@@ -300,8 +301,8 @@ def _spectra(
     if record.segments > request.full_up_to and not request.modes:
         return (), ()
     state = state_of(record)
-    problem, x = Problem(state.band), state.vector()
-    local = problem.local_derivatives(x, multipliers_of(record))
+    problem, x = problem_with(record, Problem(state.band)), state.vector()
+    local = problem.local_derivatives(x, all_multipliers_of(record))
     try:
         if record.segments <= request.full_up_to:
             found = full_spectra(problem, x, local, request.metrics, request.modes)

@@ -21,7 +21,18 @@ from ..solver.kkt import FactorisationError
 from ..solver.newton import Options, solve
 from ..solver.resting import RestingProblem
 from ..solver.resting_refine import resting_refined
-from ..solver.resting_set import DEPTH, NoRestError, Rest, Slopes, found, moved, rest_at, slopes, way_between
+from ..solver.resting_set import (
+    DEPTH,
+    NoRestError,
+    Rest,
+    Slopes,
+    found,
+    let_down,
+    moved,
+    rest_at,
+    slopes,
+    way_between,
+)
 from ..solver.status import Result, Status
 from ..solver.tracking import Way
 from ..store import Contacts, StateRecord
@@ -54,6 +65,20 @@ def crosses(state: State, gap: float) -> bool:
     """Whether features cross or are nearer than the gap."""
     shape, depth = Shape.of(state, gap), DEPTH * state.band.length
     return audit(shape, gap + depth).lacks(gap) > depth
+
+
+def let_down_from(walk: Walk, state: State, stage: str, method: str) -> Ended | Failure:
+    """The shape at rest next to one that touches nothing and is no equilibrium, with contact forces on all
+    the way.
+    """
+    assert walk.gap is not None
+    try:
+        end = let_down(state, state.band, state.vector(), None, Pairs.none(), walk.gap)
+    except NoRestError as error:
+        return Failure("solve", status_of(error), f"({error}.)", {"stage": stage}, "a narrower guess")
+    result = replace(walk.checked(end.result), steps=end.steps)
+    walk.progress(Step(end.steps, result.energy, max(result.kkt_residual, result.constraint_residual)))
+    return Ended(end.problem, result, method)
 
 
 def passes(end: Ended | Failure, before: State, gap: float) -> bool:

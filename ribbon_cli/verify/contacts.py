@@ -68,10 +68,10 @@ def _off_features(contacts: Contacts, problem: RestingProblem, result: Result) -
 def _judged(record: StateRecord, problem: RestingProblem, result: Result) -> Iterator[str]:
     """The status, as the certificate has it."""
     assert record.contacts is not None
-    found = audit(Shape.of(result.state, problem.gap), DEPTH * record.length)
-    crossing = found.penetration > PENETRATION * record.length
-    if result.status is Status.GAP_LOST and not crossing:
-        yield f"status is gap-lost, but features cross by {found.penetration:.1e} only"
+    gap = problem.gap
+    found = audit(Shape.of(result.state, gap), gap + DEPTH * record.length)
+    if result.status is Status.GAP_LOST and not found.lacks(gap) > PENETRATION * record.length:
+        yield f"status is gap-lost, but no more than {max(found.lacks(gap), 0.0):.1e} is lacking"
     if result.status not in (Status.MINIMUM, Status.SADDLE):
         return
     for k in np.flatnonzero(~(record.contacts.force >= 0.0)) if record.certified else ():
