@@ -69,8 +69,8 @@ EVENTS = {
     "width-reached": "reached {symbol} = {value:.12g}",
     "value-reached": "came to {symbol} = {value:.12g}",
     "step-halved": "a step from {here} to {there} failed, halved: {why}",
-    "touch": "contact begins at {place} (bracket {bracket:.1e}); {count} contacts push at {there}",
-    "lift": "contact ends at {place} (bracket {bracket:.1e}); {count} contacts push at {there}",
+    "touch": "contact begins at {place} (bracket {bracket:.1e})",
+    "lift": "contact ends at {place} (bracket {bracket:.1e})",
     "contacts-change": "{before} contacts become {after} between {here} and {there} "
     "({gone} end, {new} begin)",
 }

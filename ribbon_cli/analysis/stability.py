@@ -224,7 +224,7 @@ def _with_contacts(record: StateRecord, verdict: Verdict) -> Verdict:
     """The verdict, which holds for moves that keep all contacts."""
     if record.contacts is None or not len(record.contacts):
         return verdict
-    kept = f"modes keep the {len(record.contacts)} contacts"
+    kept = f"modes keep the {len(record.contacts)} contact{'s' * (len(record.contacts) > 1)}"
     return replace(verdict, sentence=f"{verdict.sentence}; {kept}")
 
 

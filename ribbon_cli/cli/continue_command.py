@@ -44,9 +44,9 @@ _STOPS = ("fold", "stability-lost", "contact")
 )
 @click.option(
     "--contact",
-    metavar="forces|gap=G",
+    metavar="KIND",
     shell_complete=complete_contact,
-    help="Let the band rest on itself, its facets at least G apart (0).",
+    help="forces, or gap=G: let the band rest on itself, its facets at least G apart.",
 )
 @common_options
 @pass_settings

@@ -154,7 +154,9 @@ def _show_state(settings: Settings, ref: str) -> None:
     words = {"status": status_in_words(record), "certified": certificate_in_words(record)}
     del document["event_kinds"]  # people read the events' sentences
     shown = document | words | {"provenance": facts}
-    if record.contacts is not None:
+    if record.contacts is not None and not len(record.contacts):
+        del shown["contact_pairs"]
+    elif record.contacts is not None:
         forces = zip(record.contacts.names(), record.contacts.force.tolist(), strict=True)
         shown["contact_pairs"] = {name: f"force {number(force, '.6g')}" for name, force in forces}
     # Between separated ends no curves are linked: what is stored is Tw + Wr.

@@ -147,13 +147,16 @@ def _least(shape: Shape, v: IntArray, edges: IntArray, of: int) -> Pairs:
     return on_edge.joined(_typed((VERTEX, VERTEX), np.minimum(v, end), np.maximum(v, end)))
 
 
-def candidates(shape: Shape, near: Pairs, forces: Array) -> tuple[Pairs, Array]:
+def candidates(shape: Shape, near: Pairs, forces: Array, gap: float = 0.0) -> tuple[Pairs, Array]:
     """The signed gaps that stand for near pairs, and their forces (k,): those of faces and crossing edges
-    themselves, and for a vertex near an edge, or a vertex, those of what meets there, in equal parts.
+    themselves, and for a vertex near an edge, or a vertex, those of what meets there, in equal parts. With a
+    gap that is not zero all stand for themselves.
 
     Over a ruling in a valley the planes of both its facets bound a vertex; over a ridge neither does, and the
     sides that meet at the vertex may cross the ruling. The shape crosses nothing, so that signs are known.
     """
+    if gap:
+        return _merged(near, forces)
     found: dict[tuple[int, int, int, int], float] = {}
     rows = zip(near.first.tolist(), near.second.tolist(), forces.tolist(), strict=True)
     for first, second, force in rows:
@@ -178,9 +181,8 @@ def candidates(shape: Shape, near: Pairs, forces: Array) -> tuple[Pairs, Array]:
     return signed, np.array([found[name] for name in names])
 
 
-def merged(near: Pairs, forces: Array) -> tuple[Pairs, Array]:
-    """Near pairs, each once, with the sums of their forces (k,): with a gap that is not zero they stand for
-    themselves."""
+def _merged(near: Pairs, forces: Array) -> tuple[Pairs, Array]:
+    """Near pairs, each once, with the sums of their forces (k,)."""
     summed: dict[tuple[int, int, int, int], float] = {}
     for name, force in zip(near.names(), forces.tolist(), strict=True):
         summed[name] = summed.get(name, 0.0) + force

@@ -68,6 +68,12 @@ class RestingProblem(Problem):
         np.add.at(out, self.copies.slot.ravel(), local.reshape(-1, 3))
         return out
 
+    def rows_of(self, local: Array) -> Array:
+        """Each of gradients (k,6,3) in x: the rows (k,7N) of gaps."""
+        alone = np.eye(len(local))[:, :, None, None] * local
+        out: Array = np.array([self.pull(row) for row in alone]).reshape(len(local), self.size)
+        return out
+
     def constraints(self, x: Array) -> Array:
         """Constraint values as in (2.19), then gaps less what they are to be."""
         out: Array = np.concatenate((super().constraints(x), self.gaps(x).value - self.gap))
@@ -101,14 +107,7 @@ class RestingProblem(Problem):
         own = self.base.jacobian_matrix(local.free)
         if local.touched is None:
             return own
-        rows = np.array(
-            [
-                self.pull(
-                    np.where(np.arange(len(self.pairs))[:, None, None] == k, local.touched.jacobian, 0.0)
-                )
-                for k in range(len(self.pairs))
-            ]
-        )
+        rows = self.rows_of(local.touched.jacobian)
         return scipy.sparse.csc_matrix(scipy.sparse.vstack((own, scipy.sparse.csc_matrix(rows))))
 
     def hessian_matrix(self, local: LocalDerivatives) -> scipy.sparse.csc_matrix:

@@ -84,11 +84,11 @@ class RestingDerivatives(LocalDerivatives):
     free: LocalDerivatives
     touched: Touched | None
 
-    def pushed(self) -> RestingDerivatives:
-        """The same without the rows of gaps: what forces add to the Hessian stays."""
+    def keeping(self, count: int) -> RestingDerivatives:
+        """The same with the rows of the first gaps only: what forces add to the Hessian stays."""
         if self.touched is None:
             return self
-        return replace(self, touched=replace(self.touched, jacobian=self.touched.jacobian[:0]))
+        return replace(self, touched=replace(self.touched, jacobian=self.touched.jacobian[:count]))
 
 
 def copy_columns(problem: Problem, copies: Copies) -> tuple[IntArray, IntArray, Array]:

@@ -1,75 +1,92 @@
 """A strip that rests on itself, on a finer grid.
 
 The shape is prolonged as free ones are. Where it touches itself it then crosses itself a little, or stands
-off, and other vertices touch: so it is opened there, and let down by a barrier onto the gaps that the finer
-grid keeps. The way from the coarse shape, whose facets are cut without moving them, is looked at for
-passages over all pairs, so that the linking number and the contacts stay.
+off, and other vertices touch: the gaps that push there are found by exchange, on the sides on which features
+of the coarse shape are, whose facets are cut without moving them; or the shape is opened and let down by a
+barrier. The way from the coarse shape is looked at for passages over all pairs, so that the linking number
+and the contacts stay.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from ..model.band import State
+from ..model.band import Array, State
 from ..model.folding import ClosureError
+from ..model.problem import Problem
 from ..model.topology import linking_number
-from ..model.touching import Shape
-from ..model.touching_barrier import Neighbourhood, candidates, nearest
-from ..model.touching_gaps import Pairs
+from ..model.touching import EDGE, FACET, VERTEX, IntArray, Shape
+from ..model.touching_gaps import Pairs, places
+from .kkt import FactorisationError
+from .newton import estimate_multipliers
 from .prolongation import Phase, phase_of, smooth
-from .resting_set import REACHES, SLIP, NoRestError, Rest, let_down, united, way_between
+from .resting_exchange import NoRestError
+from .resting_set import SLIP, Guess, Rest, exchanged, let_down
 
 SAME_LINKING = 1e-6
+FARTHEST = 2.0
+"""Change from a prolonged shape beyond which a search for the gaps that push goes somewhere else."""
 
 
 def resting_refined(rest: Rest, segments: int) -> Rest:
-    """A resting shape on another grid, at rest with the gaps that it keeps there.
+    """A resting shape on a grid of a multiple of its facets, at rest with the gaps that it keeps there.
 
-    The grid phase is the coarse shape's; where no certified minimum comes of it, the other phase is tried.
-    Raises NoRestError where neither leads to a shape at rest.
+    The grid phase is the coarse shape's first, then the other one; what is no certified minimum comes last.
+    Raises NoRestError where nothing leads to a shape at rest, and for other grids.
     """
+    if segments % rest.band.segments:
+        raise NoRestError(f"N = {segments} is no multiple of {rest.band.segments}: double N instead")
     phases = [phase_of(rest.state)]
     if rest.band.closed:
         phases.append(Phase.NODE if phases[0] is Phase.FACET else Phase.FACET)
-    ends: list[Rest] = []
-    failures: list[str] = []
-    for phase in phases:
-        try:
-            end = _refined(rest, smooth(rest.state, segments, phase).state)
-        except (ClosureError, NoRestError) as failure:
-            failures.append(
-                f"inflections on a {phase.value}: {failure}" if rest.band.closed else str(failure)
-            )
-            continue
-        if end.result.certified:
-            return end
-        ends.append(end)
-    if not ends:
-        raise NoRestError("; ".join(failures))
-    return ends[0]
+    ends, failures = [], []
+    for search in (exchanged, let_down):
+        for phase in phases:
+            try:
+                guess = _guess(rest, smooth(rest.state, segments, phase).state)
+                end = search(guess)
+                _same_linking(rest.state, end.state)
+            except (ClosureError, FactorisationError, NoRestError) as failure:
+                failures.append(f"inflections on a {phase.value}: {failure}")
+                continue
+            if end.result.certified:
+                return end
+            ends.append(end)
+        if ends:
+            return ends[0]
+    raise NoRestError("; ".join(failures))
 
 
-def _refined(rest: Rest, start: State) -> Rest:
-    """The shape at rest next to a prolonged one. Raises NoRestError."""
-    pairs = _near(rest.state, start, rest.gap)
-    end = let_down(rest.state, start.band, start.vector(), None, pairs, rest.gap, SLIP)
-    if abs(_linking(end.state) - _linking(rest.state)) > SAME_LINKING:
-        raise NoRestError("the linking number changed")
-    return end
+def _guess(rest: Rest, start: State) -> Guess:
+    """The prolonged shape, with the coarse shape's gaps on the finer grid."""
+    pairs = finer_pairs(Shape.of(rest.state, rest.gap), rest.pairs, start.band.segments // rest.band.segments)
+    x = start.vector()
+    own = estimate_multipliers(Problem(start.band), x)
+    return Guess(rest.state, start.band, x, own, pairs, np.zeros(len(pairs)), rest.gap, SLIP)
 
 
-def _near(coarse: State, start: State, gap: float) -> Pairs:
-    """The gaps to open in a prolonged shape, on the sides on which they were in the coarse one: those of what
-    passes through itself on the way, and of what is nearer than the barrier's first reach."""
-    motion = way_between(coarse, start, gap)
-    same = motion.after.segments == start.band.segments
-    met = motion.passages().pairs.unique() if same else Pairs.none()
-    shape, reach = Shape.of(start, gap), gap + REACHES[0] * start.band.length
-    close = nearest(shape, Neighbourhood.of(shape, reach, 0.0).features, reach)
-    return united(met, candidates(shape, close, np.zeros(len(close)))[0])
+def finer_pairs(shape: Shape, pairs: Pairs, parts: int) -> Pairs:
+    """What touches, in the numbers of the same shape with every facet cut into equal parts."""
+    at = places(shape, pairs)
+    return Pairs(_finer(pairs.first, at[:, 0], parts), _finer(pairs.second, at[:, 2], parts), pairs.sign)
 
 
-def _linking(state: State) -> float:
-    """The linking number of a closed band; strips have none."""
-    band = state.band
-    return linking_number(state.u, state.g, band.sigma, band.h).linking_number if band.closed else 0.0
+def _finer(features: IntArray, along: Array, parts: int) -> IntArray:
+    """Features (k,2) and where they touch, along the strip, on the finer grid."""
+    kind, number = features.T
+    part = np.clip((parts * along).astype(np.int64), 0, parts - 1)
+    track = np.where(kind == EDGE, number % 3, number % 2)
+    vertex = 2 * parts * (number // 2) + track
+    edge = 3 * (parts * (number // 3) + np.where(track > 0, part, 0)) + track
+    facet = parts * number + part
+    finer = np.select([kind == VERTEX, kind == EDGE, kind == FACET], [vertex, edge, facet])
+    return np.column_stack((kind, finer))
+
+
+def _same_linking(coarse: State, fine: State) -> None:
+    """Raise NoRestError if a closed band's linking number changed."""
+    if not coarse.band.closed:
+        return
+    one, other = (linking_number(s.u, s.g, s.band.sigma, s.band.h).linking_number for s in (coarse, fine))
+    if abs(one - other) > SAME_LINKING:
+        raise NoRestError(f"the linking number changed from {one:g} to {other:g}")

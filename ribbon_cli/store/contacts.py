@@ -9,9 +9,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from ribbon_cli.doors import Later
+
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
+else:
+    np = Later("numpy")
 
 KINDS_OF_FEATURES = ("vertex", "edge", "facet")
 """Kinds of features by their numbers in a file."""
@@ -40,8 +44,6 @@ class Contacts:
     penetration: float
 
     def __post_init__(self) -> None:
-        import numpy as np
-
         for name in ("first", "second", "sign", "force", "value"):
             given = np.asarray(getattr(self, name))
             kind = np.float64 if name in ("force", "value") else np.int64

@@ -262,10 +262,11 @@ def _newer(document: dict[str, Any], values: dict[str, Any], of: str) -> dict[st
     if any(type(n) not in _JSON["float64"] or not math.isfinite(n or 0.0) for n in numbers):
         raise ValueError(f"parameters, bending_energy or a reaction {of}")
     others = {name: value for name, value in found.pop("parameters").items() if name != HALF_WIDTH}
-    with_forces = document.get("contacts") is not None
-    on_itself = checked(document, _OF_CONTACTS, of) if with_forces else dict.fromkeys(OF_CONTACTS)
-    if with_forces and on_itself["contacts"] < 0:
-        raise ValueError(f"contacts {of}")
+    on_itself: dict[str, Any] = dict.fromkeys(OF_CONTACTS)
+    if document.get("contacts") is not None:
+        on_itself = checked(document, _OF_CONTACTS, of)
+        if on_itself["contacts"] < 0:
+            raise ValueError(f"contacts {of}")
     return {
         **found,
         **on_itself,

@@ -18,6 +18,7 @@ from ..recipes import RECIPES
 from ..recipes.recipe import Making, NotMadeError, Turn, Turning, Way
 from ..solver.arclength import nearest
 from ..solver.newton import solve
+from ..solver.resting_set import NoRestError
 from ..solver.status import Result, Status
 from ..store import Summary
 from . import resting
@@ -27,7 +28,7 @@ from .failure import Failure
 from .given import Given
 from .plan import Goal, start_kind, start_name, start_width
 from .records import saddle_result, state_of
-from .stepping import longest_step
+from .stepping import all_the_way
 from .walk import Ended, Stage, Walk
 
 MOST_NARROWINGS = 4
@@ -61,9 +62,8 @@ def freed_guess(walk: Walk, config: Config, given: Given | None) -> Summary | Fa
         found = _made(walk, config, narrow, f" at b = {narrow.half_width:.12g}")
         if isinstance(found, Summary) and walk.goes_on(found):
             kind = start_kind(config, band.half_width)
-            return _widened(
-                walk, found, Goal({HALF_WIDTH: band.half_width}, stage=start_name(config), kind=kind)
-            )
+            goal = Goal({HALF_WIDTH: band.half_width}, stage=start_name(config), kind=kind)
+            return all_the_way(walk, found, goal)
     return end
 
 
@@ -108,18 +108,6 @@ def _renamed(part: Turning, suffix: str) -> Turning:
     return replace(part, turn=turn)
 
 
-def _widened(walk: Walk, current: Summary, goal: Goal) -> Summary | Failure:
-    """The guess at the width of its config, from a narrower one."""
-    before: Summary | None = None
-    while not goal.reached(current.parameters, current.length):
-        following, why = longest_step(walk, before, current, goal)
-        if why is not None:
-            return why
-        assert following is not None
-        before, current = current, following
-    return current
-
-
 def _freed(
     walk: Walk,
     config: Config,
@@ -140,6 +128,16 @@ def _freed(
         parent,
         None if given is None else given.name,
     )
+
+    def rested() -> Ended | Failure:
+        assert given is not None
+        assert given.contacts is not None
+        assert walk.gap is not None
+        try:
+            end = resting.again(state, given.contacts, walk.gap)
+        except NoRestError as error:
+            return resting.failed(error, stage.name)
+        return Ended(end.problem, walk.checked(end.result), method)
 
     def freed() -> Ended | Failure:
         if walk.gap is not None and given is None and RECIPES[config.guess.recipe].resting:
@@ -164,7 +162,7 @@ def _freed(
             return Failure("solve", Status.GAP_LOST, "", {"stage": stage.name}, "a narrower guess")
         return resting.at_rest(end, walk.gap)
 
-    return walk.reach(stage, freed)
+    return walk.reach(stage, freed if given is None or given.contacts is None else rested)
 
 
 def _saddle_left_in_vain(walk: Walk, problem: Problem, result: Result) -> Result:

@@ -33,10 +33,9 @@ def continue_state(
     """Follow the branch of the state that `ref` names, which may be a saddle; the same call again resumes.
 
     `natural` continuation goes from width to width among minima instead, and ends before the first fold.
-    `contact` says whether contact has forces, and their gap, by default as at the start; it is natural
-    continuation that goes on with them. Raises UsageError for a state outside of a run, with an open seam or
-    prescribed rulings, that is not stationary, or at the width asked for, and for contacts that cannot be
-    followed.
+    `contact` says whether contact has forces, and their gap, by default as at the start. Raises UsageError
+    for a state outside of a run, with an open seam or prescribed rulings, that is not stationary, or at the
+    width asked for, and for contacts that cannot be followed.
     """
     taken: list[str] = []
     run, label, path = resolve_state(root, ref, taken.append)
@@ -44,7 +43,7 @@ def continue_state(
         raise UsageError(f"{path}: not in a run: continue adds its results to the state's run")
     record = run.load(label)
     _check(ref, record, request)
-    gap = _gap(ref, record, contact, natural=natural)
+    gap = _gap(ref, record, contact)
     undecided = record.status == "undecided" and record.contacts is not None and len(record.contacts) > 0
     if natural and not (record.certified or undecided):
         raise UsageError(f"{ref}: not a certified minimum ({record.status}): give --arclength")
@@ -54,12 +53,11 @@ def continue_state(
         for choice in taken:
             walk.journal.note(choice)
         if natural:
-            name = f"from {record.label}" + ("" if gap is None else " with contact forces")
-            name += f" at a gap of {gap:.12g}" if gap else ""
+            name = f"from {record.label}{_with_contact(gap)}"
             courses = [Natural(walk, request, Summary.of(record)).follow(name)]
         else:
             branches = Branches(walk, request, record)
-            branches.follow(branch_name(record, request))
+            branches.follow(f"{branch_name(record, request)}{_with_contact(gap)}")
             courses = branches.courses
         notes, new = tuple(walk.journal.notes), walk.journal.new_states
         return Outcome(run, (), notes, new, tuple(courses))
@@ -67,7 +65,7 @@ def continue_state(
     return run_or_read(run, progress or silence, study)
 
 
-def _gap(ref: str, record: StateRecord, contact: ContactRequest | None, *, natural: bool) -> float | None:
+def _gap(ref: str, record: StateRecord, contact: ContactRequest | None) -> float | None:
     """The gap that contact forces keep, None without them. Raises UsageError where that cannot be done."""
     known = record.contacts
     had = None if known is None else known.gap
@@ -80,15 +78,17 @@ def _gap(ref: str, record: StateRecord, contact: ContactRequest | None, *, natur
         raise UsageError(f"{there} at a gap of {had:g}, which cannot be changed there: {elsewhere}")
     if gap is None:
         return None
-    if not natural:
-        raise UsageError(
-            "--arclength does not follow contact forces: leave it out; or give --contact record, where "
-            "nothing touches, to follow the branch through itself"
-        )
     if gap != had and crosses(state_of(record), gap):
         near = f"has facets nearer to each other than {gap:g}" if gap else "crosses or touches itself"
         raise UsageError(f"{ref}: {near}, without forces: start from a state that does not")
     return gap
+
+
+def _with_contact(gap: float | None) -> str:
+    """What a branch's name ends with where contact has forces."""
+    if gap is None:
+        return ""
+    return " with contact forces" + (f" at a gap of {gap:.12g}" if gap else "")
 
 
 def _check(ref: str, record: StateRecord, request: Arclength) -> None:

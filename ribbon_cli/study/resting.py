@@ -15,21 +15,45 @@ import numpy as np
 from ..facts import Event, event
 from ..model.band import Band, State
 from ..model.touching import Shape
-from ..model.touching_audit import Motion, audit
+from ..model.touching_audit import audit
 from ..model.touching_gaps import Pairs
 from ..solver.kkt import FactorisationError
+from ..solver.newton import Options, solve
 from ..solver.resting import RestingProblem
-from ..solver.resting_set import DEPTH, NoRestError, Rest, Slopes, found, let_down, moved, slopes
+from ..solver.resting_refine import resting_refined
+from ..solver.resting_set import (
+    DEPTH,
+    NoRestError,
+    Rest,
+    Slopes,
+    found,
+    let_down,
+    moved,
+    rest_at,
+    slopes,
+    way_between,
+)
 from ..solver.status import Result, Status
 from ..solver.tracking import Way
-from ..store import StateRecord
+from ..store import Contacts, StateRecord
 from .failure import Failure, way_facts
 from .plan import place_name
 from .progress import Step
-from .records import rest_of
+from .records import pairs_of, rest_of
 from .walk import Ended, Walk
 
 KEPT, FOUND = "with the same contacts", "by a barrier"
+
+
+def again(state: State, contacts: Contacts, gap: float) -> Rest:
+    """A state that rests on itself, solved for anew with its contacts. Raises NoRestError."""
+    pairs = pairs_of(contacts)
+    problem = RestingProblem(state.band, pairs, gap)
+    near = solve(problem, state.vector(), None, Options(leave_saddles=0))
+    own, forces = problem.split(near.multipliers)
+    rest = rest_at(near.state, own, pairs, forces, gap)
+    nowhere = Slopes(np.zeros(problem.size), np.zeros(problem.rows), 0.0)
+    return moved(rest, rest.band, 0.0, nowhere)
 
 
 def at_rest(free: Ended, gap: float) -> Ended:
@@ -40,8 +64,7 @@ def at_rest(free: Ended, gap: float) -> Ended:
 def crosses(state: State, gap: float) -> bool:
     """Whether features cross or are nearer than the gap."""
     shape, depth = Shape.of(state, gap), DEPTH * state.band.length
-    seen = audit(shape, max(gap, depth))
-    return seen.penetration > depth or seen.clearance < gap - depth
+    return audit(shape, gap + depth).lacks(gap) > depth
 
 
 def let_down_from(walk: Walk, state: State, stage: str, method: str) -> Ended | Failure:
@@ -65,7 +88,7 @@ def passes(end: Ended | Failure, before: State, gap: float) -> bool:
     state, length = end.result.state, end.problem.band.length
     if crosses(state, gap):
         return True
-    motion = Motion(Shape.of(before, gap), Shape.of(state, gap))
+    motion = way_between(before, state, gap)
     met = motion.passages()
     return len(met) > 0 and motion.depth(met) > 10.0 * DEPTH * length
 
@@ -133,6 +156,18 @@ def _ended(
     return Ended(end.problem, result, method, events, before)
 
 
+def refined(walk: Walk, start: StateRecord, segments: int, stage: str) -> Ended | Failure:
+    """A shape at rest on itself on another grid."""
+    assert walk.gap is not None
+    try:
+        end = resting_refined(rest_of(start, walk.gap), segments)
+    except NoRestError as error:
+        return failed(error, stage)
+    result = replace(walk.checked(end.result), steps=end.steps)
+    walk.progress(Step(end.steps, result.energy, max(result.kkt_residual, result.constraint_residual)))
+    return Ended(end.problem, result, "smooth prolongation, then by a barrier")
+
+
 def changes(rest: Rest, end: Rest, target: Mapping[str, float]) -> tuple[Event, ...]:
     """What became of contacts on a step between two shapes that both have some."""
     old, new = set(rest.pairs.names()), set(end.pairs.names())
@@ -141,6 +176,11 @@ def changes(rest: Rest, end: Rest, target: Mapping[str, float]) -> tuple[Event, 
     here = place_name({name: rest.band.parameter(name) for name in target})
     facts = {"before": len(old), "after": len(new), "gone": len(old - new), "new": len(new - old)}
     return (event("contacts-change", here=here, there=place_name(target), **facts),)
+
+
+def failed(why: NoRestError, stage: str) -> Failure:
+    """A stage in which no shape at rest was found."""
+    return Failure("solve", status_of(why), f"({why}.)", {"stage": stage})
 
 
 def status_of(why: NoRestError) -> Status:

@@ -90,7 +90,7 @@ def _open(config: Config, root: Path) -> Run:
 
 class _Study:
     """One pass over a config's stages; `stopped` says why no further width is reached, `in_contact` that the
-    config asked for the stop.
+    config asked for the stop, `on_level` holds the last state of each level beyond the first.
     """
 
     def __init__(
@@ -120,6 +120,7 @@ class _Study:
         self.planned = frozenset(stage.name for stage in planned)
         self.targets: list[Target] = []
         self.courses: list[Course] = []
+        self.on_level: dict[int, Summary] = {}
         self.stopped: str | None = None
         self.in_contact = False
 
@@ -309,11 +310,23 @@ class _Study:
                 return
             following = self.walk.refine(record, n, goal.refined(n), "equilibrium")
             if isinstance(following, Failure):
+                following = self._along_level(following, n, goal)
+            if isinstance(following, Failure):
                 self.journal.note(following.sentence)
                 self._missed(place, levels[k:], following.sentence)
                 return
-            record = following
+            record = self.on_level[n] = following
             self.targets.append(self._target(record))
+
+    def _along_level(self, why: Failure, segments: int, goal: Goal) -> Summary | Failure:
+        """A state of a level from the level's last one, where a band at rest on itself was not refined."""
+        start = self.on_level.get(segments)
+        if self.walk.gap is None or start is None or not self.walk.goes_on(start):
+            return why
+        self.journal.note(why.bare)
+        from .stepping import all_the_way
+
+        return all_the_way(self.walk, start, Goal(goal.to, stage=goal.refined(segments)))
 
     # --- small things ---
 

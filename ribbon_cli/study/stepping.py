@@ -13,6 +13,7 @@ from ..model.problem import Problem
 from ..parts import HALF_WIDTH
 from ..solver.continuation import Move, to_band, to_segments
 from ..solver.kinship import another_minimum
+from ..solver.resting_set import NoRestError
 from ..solver.status import Result, Status
 from ..solver.tracking import PARTS
 from ..store import StateRecord, Summary
@@ -75,7 +76,10 @@ def refined(
     walk: Walk, start: Summary, segments: int, stage: str, *, splitting: bool = False
 ) -> Ended | Failure:
     """The equilibrium on another number of segments that a state's shape leads to."""
-    state = state_of(walk.journal.load(start))
+    record = walk.journal.load(start)
+    state = state_of(record)
+    if start.contacts:
+        return resting.refined(walk, record, segments, stage)
     try:
         move = to_segments(state, segments, walk.options_from(state), splitting=splitting)
     except ClosureError as error:
@@ -86,7 +90,16 @@ def refined(
     if result.certified and start.certified:
         kin = another_minimum(state, result.state, walk.options)
         move = replace(move, events=(*move.events, kin)) if kin else move
-    return _moved(move, result)
+    end = _moved(move, result)
+    if walk.gap is None:
+        return end
+    try:
+        passed = resting.passes(end, state, walk.gap)
+    except NoRestError as error:
+        return resting.failed(error, stage)
+    if passed:
+        return resting.refined(walk, record, segments, stage)
+    return resting.at_rest(end, walk.gap)
 
 
 def _moved(move: Move, result: Result, before: tuple[Event, ...] = ()) -> Ended:
@@ -123,6 +136,18 @@ def longest_step(
     if reached is not None:
         return reached, None
     return _given_up(walk, current, goal, failures)
+
+
+def all_the_way(walk: Walk, current: Summary, goal: Goal) -> Summary | Failure:
+    """The state at a goal, from one state to the next; why it is not reached."""
+    before: Summary | None = None
+    while not goal.reached(current.parameters, current.length):
+        following, why = longest_step(walk, before, current, goal)
+        if why is not None:
+            return why
+        assert following is not None
+        before, current = current, following
+    return current
 
 
 def _stage(name: str, target: Mapping[str, float], start: Summary, kind: str) -> Stage:

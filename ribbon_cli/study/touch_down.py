@@ -83,15 +83,13 @@ def locate(walk: Walk, before: Summary, after: Summary, prefix: str = "") -> Sum
         "intermediate",
         free.label,
     )
-    found = walk.reach(stage, lambda: _located(walk, free, touching, way, word, stage.name))
+    found = walk.reach(stage, lambda: _located(walk, free, way, word, stage.name))
     if isinstance(found, Failure):
         walk.journal.note(found.sentence)
     return found
 
 
-def _located(
-    walk: Walk, free: Summary, touching: Summary, way: _Way, word: str, stage: str
-) -> Ended | Failure:
+def _located(walk: Walk, free: Summary, way: _Way, word: str, stage: str) -> Ended | Failure:
     """The free end of the last bracket."""
     assert walk.gap is not None
     record = walk.journal.load(free)
@@ -116,8 +114,7 @@ def _located(
     bracket = max(
         abs(b - a) for a, b in zip(way.at(low.part).values(), way.at(high.part).values(), strict=True)
     )
-    there = {"count": touching.contacts, "there": place_name(way.touching)}
-    met = event(word, place=place_name(way.at(low.part)), bracket=bracket, **there)
+    met = event(word, place=place_name(way.at(low.part)), bracket=bracket)
     return Ended(low.solved.problem, low.solved.result, low.solved.method, (*low.solved.events, met))
 
 
