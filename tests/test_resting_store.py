@@ -318,9 +318,9 @@ def test_mistakes_in_contact(text, message):
     assert str(error.value) == message
 
 
-def test_contact_forces_do_not_go_with_arclength():
-    with pytest.raises(ConfigError, match=r"x\.yaml:4:10: contact: forces do not go with arclength"):
-        parse_config(f"{CONFIG}widths: {{arclength: {{to: 0.2}}}}\ncontact: forces\n", "x.yaml")
+def test_contact_forces_go_with_arclength():
+    asked = parse_config(f"{CONFIG}widths: {{arclength: {{to: 0.2}}}}\ncontact: forces\n", "x.yaml")
+    assert (asked.contact.forces, asked.arclength.to) == (True, 0.2)
 
 
 def test_check_says_that_contact_forces_are_on(tmp_path):

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from cli_support import content_hashes, ribbon, ribbon_json, spawn, states_on_disk, stop_after
 
-from ribbon_cli.config import parse_config
+from ribbon_cli.config import ConfigError, parse_config
 from ribbon_cli.model.touching import Shape
 from ribbon_cli.model.touching_audit import Motion, audit
 from ribbon_cli.study import solve_config
@@ -142,3 +142,89 @@ def test_killed_and_resumed(solved, tmp_path: Path):
     outcome = solve_config(parse_config(CONFIG, "band.yaml"), tmp_path / "runs")
     assert outcome.exit_code == 0
     assert content_hashes(tmp_path / "runs") == expected
+
+
+@pytest.mark.long
+def test_arclength_through_touch_down(solved, monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    shutil.copytree(solved[1], tmp_path / "runs")
+    monkeypatch.chdir(tmp_path)
+    found = ribbon_json("continue", "band@b=1.5", "--to", "1.55", "--arclength", "--contact", "forces")
+    touch, beyond, end = found["points"][-3:]
+    assert (touch["type"], touch["contacts"]) == ("touch", 0)
+    assert touch["half_width"] == pytest.approx(TOUCH, abs=2e-6)
+    assert 0.0 < beyond["contact_force"] < end["contact_force"]
+    known = solved[0].run.load(solved[0].targets[1].label)
+    assert (end["half_width"], end["negative_eigenvalues"]) == (1.55, 0)
+    assert end["energy"] == pytest.approx(known.energy, rel=1e-10)
+    stopped = ribbon_json(
+        *(
+            "continue",
+            "band@b=1.5",
+            "--to",
+            "1.55",
+            "--arclength",
+            "--contact",
+            "forces",
+            "--stop-at",
+            "contact",
+        )
+    )
+    assert (stopped["end"]["reason"], stopped["end"]["half_width"]) == ("contact", touch["half_width"])
+    assert stopped["new_states"] == 0
+
+
+@pytest.mark.long
+def test_arclength_from_set_to_set_killed_and_resumed(
+    solved, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+):
+    """Where a second pair of contacts begins: the same states as step by step, and after a kill."""
+    line = ("continue", "band@b=1.55", "--to", "1.6", "--arclength")
+    ends = []
+    for name in ("alone", "killed"):
+        shutil.copytree(solved[1], tmp_path / name / "runs")
+        monkeypatch.chdir(tmp_path / name)
+        if name == "killed":
+            with spawn(*line, "-q", cwd=tmp_path / name) as process:
+                stop_after(process, tmp_path / name, len(content_hashes(solved[1])) + 2, signal.SIGKILL)
+            assert process.returncode == -signal.SIGKILL
+        ends.append((ribbon_json(*line)["points"], content_hashes(Path("runs"))))
+    assert ends[0] == ends[1]
+    points = ends[0][0]
+    known = solved[0].run.load(solved[0].targets[-1].label)
+    assert {point["type"] for point in points[:-1]} == {"step"}
+    assert points[-1]["energy"] == pytest.approx(known.energy, rel=1e-10)
+    assert points[-1]["contact_force"] == pytest.approx(known.contacts.total_force, rel=1e-7)
+    assert [point["contacts"] for point in points] == sorted(point["contacts"] for point in points)
+    told = [event for state in ribbon_json("ls", "band", "--all") for event in state["events"]]
+    assert any(event.startswith("2 contacts become 4 between b = 1.584") for event in told)
+
+
+@pytest.mark.long
+def test_a_wide_guess_is_made_narrow_and_widened(solved, tmp_path: Path):
+    text = CONFIG.replace("half_width: 1.5", "half_width: 1.6").replace("[1.5, 1.55, 1.6]", "[1.6]")
+    outcome = solve_config(parse_config(text, "band.yaml"), tmp_path)
+    assert outcome.exit_code == 0
+    known = solved[0].run.load(solved[0].targets[-1].label)
+    states = {state.stage: state for state in outcome.run.states(all=True)}
+    narrow, wide = states["twisted band freed at b = 0.8"], states["twisted band freed"]
+    assert (narrow.kind, narrow.contacts, narrow.half_width) == ("intermediate", 0, 0.8)
+    assert (wide.kind, wide.contacts, wide.half_width) == ("equilibrium", 4, 1.6)
+    assert wide.energy == pytest.approx(known.energy, rel=1e-10)
+    assert solve_config(parse_config(text, "band.yaml"), tmp_path).new_states == 0
+
+
+@pytest.mark.long
+def test_a_study_begins_at_a_state_that_rests_on_itself(solved, tmp_path: Path):
+    given = CONFIG.replace(
+        "{recipe: twist, segments: 40, half_width: 1.5, steps: 8}", '{state: "band@b=1.6"}'
+    )
+    text = given.replace("name: band", "name: on").replace("[1.5, 1.55, 1.6]", "[1.6, 1.59]")
+    outcome = solve_config(parse_config(text, "on.yaml"), tmp_path, references=solved[1])
+    known = solved[0].run.load(solved[0].targets[-1].label)
+    first, last = (outcome.run.load(target.label) for target in outcome.targets)
+    assert first.energy == pytest.approx(known.energy, rel=1e-12)
+    assert first.contacts.keys() == known.contacts.keys()
+    assert (last.certified, len(last.contacts)) == (True, 4)
+    without = parse_config(text.replace("contact: forces", "contact: stop"), "on.yaml")
+    with pytest.raises(ConfigError, match="rests on itself with 4 contacts: it takes `contact: forces`"):
+        solve_config(without, tmp_path / "other", references=solved[1])

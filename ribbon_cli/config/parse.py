@@ -87,9 +87,6 @@ def config_of(root: Node, mistakes: Mistakes, text: str, path: str) -> Config:
     contact = sections.contact(reader, top.get("contact"))
     if contact is not None:
         report_unheld(reader, top.get("initial_guess"), guess, contact.forces)
-    if contact is not None and contact.forces and branch is not None:
-        along = "forces do not go with arclength, which follows a branch through contact"
-        found.report("contact", f"{along}: give widths or a schedule, or record")
     if mistakes.found or kind is None or reader.length is None or widths is None:
         raise mistakes.error()
     if parts is None or contact is None:
