@@ -31,7 +31,9 @@ FARTHEST = 0.06
 ROOM = 0.01
 """Motion of a vertex, as part of l, that a list of neighbours allows of before it is made anew."""
 MARGIN = 0.05
-"""How far off its features, as part of h, a place may be while the gap counts."""
+"""How far off its features, as part of h, a place may be while the gap counts, where that still bounds it."""
+INSIDE = 1e-9
+"""The same in the features' coordinates, everywhere."""
 
 
 Flags = NDArray[np.bool_]
@@ -80,7 +82,9 @@ class Sides:
         pairs = pairs.take(_off(shape, pairs) <= MARGIN)
         sign = self._signs(shape, pairs)
         pairs = Pairs(pairs.first, pairs.second, sign).take(sign != 0.0).ordered()
-        return pairs, _gaps(shape, pairs)
+        value = _gaps(shape, pairs)
+        counts = _counts(shape, pairs, value)
+        return pairs.take(counts), value[counts]
 
     def _signs(self, shape: Shape, pairs: Pairs) -> Array:
         """The signs (k,) of pairs, 0 where they are not known."""
@@ -168,6 +172,43 @@ def _tracks(features: IntArray) -> tuple[IntArray, IntArray]:
 def _gaps(shape: Shape, pairs: Pairs) -> Array:
     what = arguments(pairs)
     return gaps(vectors(shape, what), what, pairs.sign, shape.half_width).value
+
+
+def _counts(shape: Shape, pairs: Pairs, value: Array) -> Flags:
+    """Which gaps (k,) count. A gap whose place is off a feature bounds that place still where the next facet
+    rises, or the next side bends, to the other feature: the gap is the less of the two there. Elsewhere it is
+    the larger one, and the one that is less does not count."""
+    at, six, names = places(shape, pairs), vectors(shape, arguments(pairs)), pairs.names()
+    known = dict(zip(names, value.tolist(), strict=True))
+    normal = pairs.sign[:, None] * np.cross(six[:, ONE], six[:, TWO])
+    out = np.abs(at[:, 3] - 0.5) <= 0.5 + INSIDE
+    for k, features, toward in ((0, pairs.first, -normal), (2, pairs.second, normal)):
+        for row in np.flatnonzero(np.abs(at[:, k] - 0.5) > 0.5 + INSIDE).tolist():
+            kind, number = features[row].tolist()
+            beyond, rises = _beyond(shape, kind, number, bool(at[row, k] > 0.5))
+            if beyond < 0:
+                out[row] = False
+            elif rises @ toward[row] <= 0.0:
+                ends = [names[row][:2], names[row][2:]]
+                ends[k // 2] = (kind, beyond)
+                one, other = sorted(ends)
+                out[row] &= known.get((*one, *other), -np.inf) <= value[row]
+    return out
+
+
+def _beyond(shape: Shape, kind: int, number: int, ahead: bool) -> tuple[int, Array]:
+    """The facet or side that comes next to one, -1 if none does, and where it rises or bends to."""
+    n, track = shape.segments, 0 if kind == FACET else number % 3
+    k = number if kind == FACET else number // 3
+    there = k + 1 if ahead else k - 1
+    if (kind == EDGE and not track) or (not shape.closed and not 0 <= there < n):
+        return -1, np.zeros(3)
+    over = there % n
+    if kind == FACET:
+        return over, shape.u[over] if ahead else -shape.u[over]
+    swapped = 3 - track if over != there and shape.sigma < 0 else track
+    turn = shape.u[over] - shape.u[k] if ahead else shape.u[k] - shape.u[over]
+    return 3 * over + swapped, turn
 
 
 def _off(shape: Shape, pairs: Pairs) -> Array:
