@@ -14,16 +14,18 @@ import numpy as np
 
 from ..facts import Event, event
 from ..model.band import Band, State
+from ..model.problem import Problem
 from ..model.touching import Shape
 from ..model.touching_audit import audit
 from ..model.touching_gaps import Pairs
 from ..solver.kkt import FactorisationError
-from ..solver.newton import Options, solve
+from ..solver.newton import Options, estimate_multipliers, solve
 from ..solver.resting import RestingProblem
+from ..solver.resting_exchange import GapLostError, NoRestError
 from ..solver.resting_refine import resting_refined
 from ..solver.resting_set import (
     DEPTH,
-    NoRestError,
+    Guess,
     Rest,
     Slopes,
     found,
@@ -72,8 +74,12 @@ def let_down_from(walk: Walk, state: State, stage: str, method: str) -> Ended | 
     the way.
     """
     assert walk.gap is not None
+    band, x = state.band, state.vector()
     try:
-        end = let_down(state, state.band, state.vector(), None, Pairs.none(), walk.gap)
+        own = estimate_multipliers(Problem(band), x)
+        end = let_down(Guess(state, band, x, own, Pairs.none(), np.empty(0), walk.gap))
+    except FactorisationError as error:
+        return Failure("solve", Status.NO_REST, f"({error}.)", {"stage": stage})
     except NoRestError as error:
         return Failure("solve", status_of(error), f"({error}.)", {"stage": stage}, "a narrower guess")
     result = replace(walk.checked(end.result), steps=end.steps)
@@ -185,7 +191,7 @@ def failed(why: NoRestError, stage: str) -> Failure:
 
 def status_of(why: NoRestError) -> Status:
     """How the search for a shape at rest ended."""
-    return Status.GAP_LOST if "through itself" in str(why) or "cross" in str(why) else Status.STALLED
+    return Status.GAP_LOST if isinstance(why, GapLostError) else Status.NO_REST
 
 
 def _ahead(rest: Rest, band: Band) -> tuple[Slopes | None, float]:
