@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from .band import Array
 from .touching import EDGE, FACET, VERTEX, IntArray, Shape
 from .touching_audit import audit, boxes_near
-from .touching_barrier import Neighbourhood, nearest
+from .touching_barrier import Neighbourhood
 from .touching_gaps import ONE, TWO, Pairs, arguments, gaps, places, vectors
 
 TOUCHING = 1e-9
@@ -31,7 +31,9 @@ FARTHEST = 0.06
 ROOM = 0.01
 """Motion of a vertex, as part of l, that a list of neighbours allows of before it is made anew."""
 MARGIN = 0.05
-"""How far off its features, as part of h, a place may be while the gap counts."""
+"""How far off its features, as part of h, a place may be while the gap counts, where that still bounds it."""
+INSIDE = 1e-9
+"""The same in the features' coordinates, everywhere."""
 
 
 Flags = NDArray[np.bool_]
@@ -80,6 +82,7 @@ class Sides:
         pairs = pairs.take(_off(shape, pairs) <= MARGIN)
         sign = self._signs(shape, pairs)
         pairs = Pairs(pairs.first, pairs.second, sign).take(sign != 0.0).ordered()
+        pairs = pairs.take(_bounds(shape, pairs))
         return pairs, _gaps(shape, pairs)
 
     def _signs(self, shape: Shape, pairs: Pairs) -> Array:
@@ -111,26 +114,6 @@ class Sides:
         row = np.arange(len(best))
         flips = over_two[row, best] & (asked.other == 0)
         return away[row, best], np.where(flips, shape.sigma, 1) * known.side[best]
-
-
-class Distances:
-    """The same for a gap that is not zero: pairs as they are nearest, whose distances need no side."""
-
-    def __init__(self, gap: float) -> None:
-        self.gap = gap
-        self._near: Neighbourhood | None = None
-
-    def near(self, shape: Shape, reach: float) -> tuple[Pairs, NDArray[np.float64]]:
-        """See `Sides`."""
-        if self._near is None or not self._near.covers(shape):
-            self._near = Neighbourhood.of(shape, reach, ROOM * shape.length)
-        pairs = nearest(shape, self._near.features, reach).unique()
-        return pairs, _gaps(shape, pairs)
-
-
-def nearer(shape: Shape, reach: float) -> Pairs:
-    """The pairs nearer than a reach, over all pairs, each once and as it is nearest."""
-    return nearest(shape, Neighbourhood.of(shape, reach, 0.0).features, reach).unique()
 
 
 def _asked(shape: Shape, pairs: Pairs, turned: bool) -> tuple[IntArray, _Known, Array]:
@@ -168,6 +151,26 @@ def _tracks(features: IntArray) -> tuple[IntArray, IntArray]:
 def _gaps(shape: Shape, pairs: Pairs) -> Array:
     what = arguments(pairs)
     return gaps(vectors(shape, what), what, pairs.sign, shape.half_width).value
+
+
+def _bounds(shape: Shape, pairs: Pairs) -> Flags:
+    """Whether gaps of places off their features (k,) bound them: where the next facet rises, or the next side
+    bends, to the other feature, so that its gap is the less of the two. Elsewhere it is the larger one."""
+    at, six = places(shape, pairs), vectors(shape, arguments(pairs))
+    normal = pairs.sign[:, None] * np.cross(six[:, ONE], six[:, TWO])
+    out = np.ones(len(pairs), dtype=bool)
+    for k, features, toward in ((0, pairs.first, -normal), (2, pairs.second, normal)):
+        kind, number = features.T
+        ahead, facet = at[:, k] > 0.5, kind == FACET
+        n, node = shape.segments, np.where(facet, number, number // 3) + ahead
+        there = shape.closed | ((node > 0) & (node < n))
+        turn = shape.u[node % n] - shape.u[(node - 1) % n]
+        along = np.where(ahead[:, None], shape.u[node % n], -shape.u[(node - 1) % n])
+        rises = np.where(facet[:, None], along, turn)
+        beyond = there & ((rises * toward).sum(axis=1) > 0.0) & (facet | (number % 3 > 0))
+        inside = np.abs(at[:, k] - 0.5) <= 0.5 + INSIDE
+        out &= inside | beyond
+    return out & (np.abs(at[:, 3] - 0.5) <= 0.5 + INSIDE)
 
 
 def _off(shape: Shape, pairs: Pairs) -> Array:

@@ -160,6 +160,11 @@ def _freed(
             return end
         if resting.crosses(result.state, walk.gap):
             return Failure("solve", Status.GAP_LOST, "", {"stage": stage.name}, "a narrower guess")
+        if result.status is Status.SADDLE and not config.guess.keep_saddle:
+            # Without contact its way down leads through the band; with contact it ends where the band rests.
+            below = resting.let_down_from(walk, result.state, stage.name, method)
+            if isinstance(below, Ended):
+                return below
         return resting.at_rest(end, walk.gap)
 
     return walk.reach(stage, freed if given is None or given.contacts is None else rested)

@@ -14,17 +14,19 @@ import numpy as np
 
 from ..facts import Event, event
 from ..model.band import Band, State
-from ..model.problem import Problem
 from ..model.touching import Shape
 from ..model.touching_audit import audit
 from ..model.touching_gaps import Pairs
 from ..solver.kkt import FactorisationError
-from ..solver.newton import Options, estimate_multipliers, solve
+from ..solver.newton import Options, solve
 from ..solver.resting import RestingProblem
+from ..solver.resting_barrier import BarrierProblem
 from ..solver.resting_exchange import GapLostError, NoRestError
 from ..solver.resting_refine import resting_refined
 from ..solver.resting_set import (
+    BARRIER_GOAL,
     DEPTH,
+    MOST_SADDLES,
     Guess,
     Rest,
     Slopes,
@@ -44,6 +46,9 @@ from .progress import Step
 from .records import pairs_of, rest_of
 from .walk import Ended, Walk
 
+FAR = 3e-3
+"""Reach, as part of l, of the barrier by which a shape that is far from rest is let down first."""
+MOST_DESCENTS = 400
 KEPT, FOUND = "with the same contacts", "by a barrier"
 
 
@@ -70,21 +75,29 @@ def crosses(state: State, gap: float) -> bool:
 
 
 def let_down_from(walk: Walk, state: State, stage: str, method: str) -> Ended | Failure:
-    """The shape at rest next to one that touches nothing and is no equilibrium, with contact forces on all
-    the way.
+    """The shape at rest below one that does not cross itself and is no minimum, with contact forces on all
+    the way: a barrier of a wide reach leads there, however far it is.
     """
     assert walk.gap is not None
-    band, x = state.band, state.vector()
+    band, gap = state.band, walk.gap
+    barrier = BarrierProblem(band, FAR * band.length, gap)
+    options = Options(
+        way=barrier.allows,
+        leave_saddles=MOST_SADDLES,
+        max_steps=MOST_DESCENTS,
+        goal=BARRIER_GOAL,
+        tolerance=BARRIER_GOAL,
+    )
+    low = solve(barrier, state.vector(), None, options)
+    walk.progress(Step(low.steps, low.energy, max(low.kkt_residual, low.constraint_residual)))
     try:
-        own = estimate_multipliers(Problem(band), x)
-        end = let_down(Guess(state, band, x, own, Pairs.none(), np.empty(0), walk.gap))
-    except FactorisationError as error:
-        return Failure("solve", Status.NO_REST, f"({error}.)", {"stage": stage})
+        end = let_down(Guess(low.state, band, low.x, low.multipliers, Pairs.none(), np.empty(0), gap))
     except NoRestError as error:
-        return Failure("solve", status_of(error), f"({error}.)", {"stage": stage}, "a narrower guess")
-    result = replace(walk.checked(end.result), steps=end.steps)
+        return failed(error, stage)
+    result = replace(walk.checked(end.result), steps=low.steps + end.steps)
     walk.progress(Step(end.steps, result.energy, max(result.kkt_residual, result.constraint_residual)))
-    return Ended(end.problem, result, method)
+    left = (event("saddle-left", index=s.index, energy=s.energy) for s in low.saddles)
+    return Ended(end.problem, result, method, tuple(left))
 
 
 def passes(end: Ended | Failure, before: State, gap: float) -> bool:
