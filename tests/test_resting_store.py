@@ -150,7 +150,7 @@ def with_contacts(record: StateRecord, **changes) -> StateRecord:
 def test_states_at_rest_are_verified(record, undecided):
     assert verify_record(record) == []
     assert (undecided.status, undecided.negative_eigenvalues) == ("undecided", None)
-    assert "on the rim of its features" in undecided.message
+    assert undecided.message.startswith("Converged, but whether it is a minimum could not be decided. (")
     assert verify_record(undecided) == []
 
 
@@ -189,7 +189,7 @@ def test_wrong_claims_about_contact_are_named(record, undecided):
     assert "self_contact is false with 4 contacts" in said(record, self_contact=False)
     assert "clearance is 0.1, and /contacts/clearance" in said(record, clearance=0.1)
     claim = {"status": "minimum", "certified": True, "negative_eigenvalues": 0}
-    assert "status is minimum, recomputed undecided (A contact" in said(undecided, **claim)
+    assert "status is minimum, recomputed undecided (" in said(undecided, **claim)
     lost = {"status": "gap-lost", "certified": False, "kind": "intermediate"}
     assert "status is gap-lost, but no more than" in said(record, **lost)
     crossed = said(record, half_width=1.651)

@@ -19,17 +19,18 @@ from ..model.problem import Problem
 from ..model.touching import Shape
 from ..model.touching_audit import Audit, Motion, audit
 from ..model.touching_barrier import candidates
+from ..model.touching_distances import Distances, nearer
 from ..model.touching_gaps import Pairs, arguments, gaps, vectors
-from ..model.touching_sides import Distances, Sides, nearer
+from ..model.touching_sides import Sides
 from ..parts import HALF_WIDTH
 from .kkt import FactorisationError
 from .linear import Factor
-from .newton import Options, change, solve
+from .newton import Options, change, estimate_multipliers, solve
 from .prolongation import divided
 from .resting import RestingProblem, resting_rates
 from .resting_barrier import BarrierProblem
 from .resting_certificate import PULLS, certified
-from .resting_exchange import OFF, Exchange, NoRestError, off_features, pushing
+from .resting_exchange import OFF, Exchange, GapLostError, NoRestError, off_features, pushing
 from .resting_kkt import RestingDerivatives, kkt_matrix
 from .status import STATIONARY, Result, Status
 
@@ -189,13 +190,13 @@ def accepted(
             raise NoRestError(f"a force pulls, {forces.min():.1e}")
     found = audit(shape, problem.gap + DEPTH * length)
     if found.lacks(problem.gap) > DEPTH * length:
-        raise NoRestError(f"features cross, or are nearer than the gap, by {found.lacks(problem.gap):.1e}")
+        raise GapLostError(f"features cross, or are nearer than the gap, by {found.lacks(problem.gap):.1e}")
     motion = way_between(before, result.state, problem.gap)
     met = motion.passages()
     if len(met):
         depth = motion.depth(met)
         if depth > slip * length:
-            raise NoRestError(f"the way passes through itself, {depth:.1e} deep")
+            raise GapLostError(f"the way passes through itself, {depth:.1e} deep")
     return Rest(problem, certified(problem, result, found), found, steps, changes)
 
 
@@ -222,23 +223,21 @@ class Guess:
     before: State
     band: Band
     x: Array
-    multipliers: Array
+    multipliers: Array | None
     pairs: Pairs
     forces: Array
     gap: float = 0.0
     slip: float = 10.0 * DEPTH
 
 
-def exchanged(guess: Guess, farthest: float = FARTHEST) -> Rest:
+def exchanged(guess: Guess) -> Rest:
     """The shape at rest near a place, with gaps exchanged on the way. Raises NoRestError."""
-    before, gap, x, kept = guess.before, guess.gap, guess.x, guess.pairs
-    if before.band.segments != guess.band.segments:
-        # On another grid sides are known where nothing crosses.
-        before, kept = _opened(guess, 0.5 * REACHES[0] * guess.band.length), Pairs.none()
-        x = before.vector()
-    sides = Distances(gap) if gap else Sides(Shape.of(before), kept)
-    search = Exchange(guess.band, sides, farthest, gap)
-    problem, result = search.rest(x, guess.multipliers, guess.pairs, guess.forces)
+    sides = Distances() if guess.gap else Sides(Shape.of(guess.before), guess.pairs)
+    search = Exchange(guess.band, sides, FARTHEST, guess.gap)
+    own = (
+        estimate_multipliers(Problem(guess.band), guess.x) if guess.multipliers is None else guess.multipliers
+    )
+    problem, result = search.rest(guess.x, own, guess.pairs, guess.forces)
     return accepted(guess.before, problem, result, SLIP, search.steps, ("exchange",))
 
 
@@ -251,7 +250,7 @@ def let_down(guess: Guess) -> Rest:
     """
     band, gap, own = guess.band, guess.gap, guess.multipliers
     length = band.length
-    start = _opened(guess, 0.5 * REACHES[0] * length)
+    start = opened(guess, 0.5 * REACHES[0] * length)
     steps, x, why = 0, start.vector(), NoRestError("no reach")
     for k, reach in enumerate(REACHES):
         problem = BarrierProblem(band, reach * length, gap)
@@ -271,7 +270,7 @@ def let_down(guess: Guess) -> Rest:
             continue
         near = problem.near(x)
         listed, forces = candidates(problem.shape(x), near, problem.forces(x, near), gap)
-        sides = Distances(gap) if gap else Sides(problem.shape(x), Pairs.none())
+        sides = Distances() if gap else Sides(problem.shape(x), Pairs.none())
         search = Exchange(band, sides, WANDERED, gap)
         try:
             polished, found = search.rest(x, own, listed, forces)
@@ -281,7 +280,7 @@ def let_down(guess: Guess) -> Rest:
     raise why
 
 
-def _opened(guess: Guess, room: float) -> State:
+def opened(guess: Guess, room: float) -> State:
     """A shape that crosses nothing, nor does the way to it: the place of a guess with gaps opened to `room`
     more than they are to be, those known and those of what passes through itself. Raises NoRestError."""
     band, gap, x, pairs = guess.band, guess.gap, guess.x, guess.pairs
@@ -308,7 +307,7 @@ def _opened(guess: Guess, room: float) -> State:
         if len(more) == len(pairs):
             break
         pairs = more
-    raise NoRestError(why)
+    raise GapLostError(why)
 
 
 def way_between(before: State, after: State, gap: float = 0.0) -> Motion:

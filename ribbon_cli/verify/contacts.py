@@ -17,7 +17,8 @@ from ..model.touching_audit import audit
 from ..model.touching_gaps import places
 from ..solver.resting import RestingProblem
 from ..solver.resting_certificate import PENETRATION, certified
-from ..solver.resting_set import DEPTH, OFF
+from ..solver.resting_exchange import OFF
+from ..solver.resting_set import DEPTH
 from ..solver.status import STATIONARY, Result, Status
 from ..store import Contacts, StateRecord
 
