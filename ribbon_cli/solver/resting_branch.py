@@ -16,7 +16,7 @@ import numpy as np
 
 from ..model.touching import Shape
 from ..model.touching_audit import Motion, audit
-from ..model.touching_gaps import Pairs, places
+from ..model.touching_gaps import Pairs
 from ..parts import PARAMETERS
 from .arclength import CorrectorError, Point, Tangent, initial_tangent, point_at
 from .branch_events import Segment
@@ -24,7 +24,8 @@ from .kkt import FactorisationError
 from .newton import change
 from .resting import RestingProblem
 from .resting_certificate import PULLS
-from .resting_set import DEPTH, OFF, SLIP, NoRestError, Rest, found, rest_at, slopes
+from .resting_exchange import OFF, NoRestError, off_features
+from .resting_set import DEPTH, SLIP, Rest, found, rest_at, slopes
 from .status import STATIONARY
 
 ACCURACY = 1e-7
@@ -64,8 +65,8 @@ def allowed(base: Point, point: Point) -> bool:
     shape, depth = Shape.of(point.state, problem.gap), DEPTH * problem.band.length
     forces = problem.split(point.multipliers)[1]
     if len(forces):
-        at = places(shape, problem.pairs)
-        if np.maximum(-at, at - 1.0).max() > OFF or forces.min() < -PULLS * max(1.0, float(forces.max())):
+        off = float(off_features(shape, problem.pairs).max())
+        if off > OFF or forces.min() < -PULLS * max(1.0, float(forces.max())):
             return False
     if audit(shape, problem.gap + depth).lacks(problem.gap) > depth:
         return False

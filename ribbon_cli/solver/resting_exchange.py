@@ -46,6 +46,10 @@ class NoRestError(Exception):
     """No active set was found; the message says why."""
 
 
+class GapLostError(NoRestError):
+    """A shape, or the way to it, passes through itself, or has features nearer than they are to be."""
+
+
 class Exchange:
     """The search for the stationary point near x (7N,) whose gaps push or are open.
 

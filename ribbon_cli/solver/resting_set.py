@@ -30,7 +30,7 @@ from .prolongation import divided
 from .resting import RestingProblem, resting_rates
 from .resting_barrier import BarrierProblem
 from .resting_certificate import PULLS, certified
-from .resting_exchange import OFF, Exchange, NoRestError, off_features, pushing
+from .resting_exchange import OFF, Exchange, GapLostError, NoRestError, off_features, pushing
 from .resting_kkt import RestingDerivatives, kkt_matrix
 from .status import STATIONARY, Result, Status
 
@@ -190,13 +190,13 @@ def accepted(
             raise NoRestError(f"a force pulls, {forces.min():.1e}")
     found = audit(shape, problem.gap + DEPTH * length)
     if found.lacks(problem.gap) > DEPTH * length:
-        raise NoRestError(f"features cross, or are nearer than the gap, by {found.lacks(problem.gap):.1e}")
+        raise GapLostError(f"features cross, or are nearer than the gap, by {found.lacks(problem.gap):.1e}")
     motion = way_between(before, result.state, problem.gap)
     met = motion.passages()
     if len(met):
         depth = motion.depth(met)
         if depth > slip * length:
-            raise NoRestError(f"the way passes through itself, {depth:.1e} deep")
+            raise GapLostError(f"the way passes through itself, {depth:.1e} deep")
     return Rest(problem, certified(problem, result, found), found, steps, changes)
 
 
@@ -307,7 +307,7 @@ def opened(guess: Guess, room: float) -> State:
         if len(more) == len(pairs):
             break
         pairs = more
-    raise NoRestError(why)
+    raise GapLostError(why)
 
 
 def way_between(before: State, after: State, gap: float = 0.0) -> Motion:

@@ -19,7 +19,7 @@ from ..recipes import RECIPES
 from ..recipes.recipe import Making, NotMadeError, Turn, Turning, Way
 from ..solver.arclength import nearest
 from ..solver.newton import solve
-from ..solver.resting_set import NoRestError
+from ..solver.resting_exchange import NoRestError
 from ..solver.status import Result, Status
 from ..store import Summary
 from . import resting

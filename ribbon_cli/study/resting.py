@@ -7,8 +7,9 @@ all pairs of features: the end, and the straight way to it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -21,16 +22,16 @@ from ..solver.kkt import FactorisationError
 from ..solver.newton import Options, solve
 from ..solver.resting import RestingProblem
 from ..solver.resting_barrier import BarrierProblem
+from ..solver.resting_exchange import GapLostError, NoRestError
 from ..solver.resting_refine import resting_refined
 from ..solver.resting_set import (
     BARRIER_GOAL,
     DEPTH,
     MOST_SADDLES,
     Guess,
-    NoRestError,
     Rest,
     Slopes,
-    found,
+    exchanged,
     let_down,
     moved,
     rest_at,
@@ -49,7 +50,6 @@ from .walk import Ended, Walk
 FAR = 3e-3
 """Reach, as part of l, of the barrier by which a shape that is far from rest is let down first."""
 MOST_DESCENTS = 400
-KEPT, FOUND = "with the same contacts", "by a barrier"
 
 
 def again(state: State, contacts: Contacts, gap: float) -> Rest:
@@ -118,26 +118,34 @@ def step(
     """The shape at rest on itself at other parameters, those of a band; `target` names the ones that move."""
     assert walk.gap is not None
     rest = rest_of(start, walk.gap)
-    along, by = _ahead(rest, band)
     ends: list[tuple[Rest, Result, str]] = []
     whys: list[NoRestError] = []
-    for word in (KEPT, FOUND):
+    for word, way in _ways(rest, band):
         try:
-            if word == FOUND:
-                end = found(rest, band, by, along)
-            elif along is not None and len(rest.pairs):
-                end = moved(rest, band, by, along)
-            else:
-                continue
+            end = way()
         except NoRestError as error:
             whys.append(error)
             continue
         result = replace(walk.checked(end.result), steps=end.steps)
         walk.progress(Step(end.steps, result.energy, max(result.kkt_residual, result.constraint_residual)))
         ends.append((end, result, word))
-        if result.certified:
+        if result.certified or result.status.value == start.status == Status.UNDECIDED.value:
             break
     return _chosen(rest, ends, whys, target, before)
+
+
+def _ways(rest: Rest, band: Band) -> Iterator[tuple[str, Callable[[], Rest]]]:
+    """Ways to the next shape at rest, in words, in the order tried."""
+    along, by = _ahead(rest, band)
+    x, multipliers = rest.result.x, rest.result.multipliers
+    if along is not None:
+        if len(rest.pairs):
+            yield "with the same contacts", partial(moved, rest, band, by, along)
+        x, multipliers = x + by * along.x, multipliers + by * along.multipliers
+    own, forces = rest.problem.split(multipliers)
+    guess = Guess(rest.state, band, x, own, rest.pairs, forces, rest.gap)
+    yield "with other contacts", partial(exchanged, guess)
+    yield "by a barrier", partial(let_down, guess)
 
 
 def _chosen(
@@ -171,8 +179,7 @@ def _ended(
 ) -> Ended:
     names = ", ".join("width" if name == "half_width" else name for name in target)
     method = f"continuation in {names}, {word}" if len(end.pairs) else f"continuation in {names}"
-    events = (*changes(rest, end, target),)
-    return Ended(end.problem, result, method, events, before)
+    return Ended(end.problem, result, method, changes(rest, end, target), before)
 
 
 def refined(walk: Walk, start: StateRecord, segments: int, stage: str) -> Ended | Failure:
@@ -184,7 +191,7 @@ def refined(walk: Walk, start: StateRecord, segments: int, stage: str) -> Ended 
         return failed(error, stage)
     result = replace(walk.checked(end.result), steps=end.steps)
     walk.progress(Step(end.steps, result.energy, max(result.kkt_residual, result.constraint_residual)))
-    return Ended(end.problem, result, "smooth prolongation, then by a barrier")
+    return Ended(end.problem, result, "smooth prolongation with contact")
 
 
 def changes(rest: Rest, end: Rest, target: Mapping[str, float]) -> tuple[Event, ...]:
@@ -204,7 +211,7 @@ def failed(why: NoRestError, stage: str) -> Failure:
 
 def status_of(why: NoRestError) -> Status:
     """How the search for a shape at rest ended."""
-    return Status.GAP_LOST if "through itself" in str(why) or "cross" in str(why) else Status.STALLED
+    return Status.GAP_LOST if isinstance(why, GapLostError) else Status.NO_REST
 
 
 def _ahead(rest: Rest, band: Band) -> tuple[Slopes | None, float]:

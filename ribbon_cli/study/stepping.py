@@ -13,7 +13,7 @@ from ..model.problem import Problem
 from ..parts import HALF_WIDTH
 from ..solver.continuation import Move, to_band, to_segments
 from ..solver.kinship import another_minimum
-from ..solver.resting_set import NoRestError
+from ..solver.resting_exchange import NoRestError
 from ..solver.status import Result, Status
 from ..solver.tracking import PARTS
 from ..store import StateRecord, Summary
