@@ -36,7 +36,8 @@ from .resting_set import (
     way_between,
 )
 
-SAME_LINKING = 1e-6
+SAME_LINKING = 1e-6from .status import Status
+
 TOUCHES = 1e-9
 """Gap, as part of l, up to which features of the coarse shape touch."""
 FARTHEST = 2.0
@@ -82,10 +83,12 @@ def _settled(guess: Guess) -> Rest:
     own = estimate_multipliers(Problem(guess.band), x)
     try:
         problem, result = search.rest(x, own, guess.pairs, guess.forces)
-        return accepted(guess.before, problem, result, SLIP, search.steps, ("exchange",))
+        if result.status is not Status.SADDLE:
+            return accepted(guess.before, problem, result, SLIP, search.steps, ("exchange",))
     except NoRestError:
         if search.saddle is None:
             return let_down(guess)
+    assert search.saddle is not None
     saddle = accepted(guess.before, *search.saddle, SLIP, search.steps, ("saddle",))
     x, own = saddle.result.x, saddle.multipliers
     return let_down(Guess(saddle.state, guess.band, x, own, saddle.pairs, saddle.forces, guess.gap))
