@@ -230,16 +230,29 @@ class Guess:
 
 
 def exchanged(guess: Guess, farthest: float = FARTHEST) -> Rest:
-    """The shape at rest near a place, with gaps exchanged on the way. Raises NoRestError."""
-    before, gap, x, kept = guess.before, guess.gap, guess.x, guess.pairs
+    """The shape at rest near a place, with gaps exchanged on the way: a certified minimum if there is one,
+    first where sheets slip off each other, then held at corners. Raises NoRestError."""
+    before, x, kept = guess.before, guess.x, guess.pairs
     if before.band.segments != guess.band.segments:
         # On another grid sides are known where nothing crosses.
         before, kept = _opened(guess, 0.5 * REACHES[0] * guess.band.length), Pairs.none()
         x = before.vector()
-    sides = Distances(gap) if gap else Sides(Shape.of(before), kept)
-    search = Exchange(guess.band, sides, farthest, gap)
-    problem, result = search.rest(x, guess.multipliers, guess.pairs, guess.forces)
-    return accepted(guess.before, problem, result, SLIP, search.steps, ("exchange",))
+    ends, why = [], NoRestError("")
+    for corners in (False,) if guess.gap else (False, True):
+        sides = Distances(guess.gap) if guess.gap else Sides(Shape.of(before), kept, corners)
+        search = Exchange(guess.band, sides, farthest, guess.gap)
+        try:
+            problem, result = search.rest(x, guess.multipliers, guess.pairs, guess.forces)
+            end = accepted(guess.before, problem, result, SLIP, search.steps, ("exchange",))
+        except NoRestError as failure:
+            why = failure
+            continue
+        if end.result.certified:
+            return end
+        ends.append(end)
+    if not ends:
+        raise why
+    return ends[0]
 
 
 def let_down(guess: Guess) -> Rest:
@@ -271,7 +284,7 @@ def let_down(guess: Guess) -> Rest:
             continue
         near = problem.near(x)
         listed, forces = candidates(problem.shape(x), near, problem.forces(x, near), gap)
-        sides = Distances(gap) if gap else Sides(problem.shape(x), Pairs.none())
+        sides = Distances(gap) if gap else Sides(problem.shape(x), Pairs.none(), corners=True)
         search = Exchange(band, sides, WANDERED, gap)
         try:
             polished, found = search.rest(x, own, listed, forces)
