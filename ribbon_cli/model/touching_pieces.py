@@ -54,6 +54,13 @@ class Pieces:
     pairs: Pairs
     clauses: tuple[frozenset[int], ...]
 
+    @property
+    def opposite(self) -> dict[int, int]:
+        """Of gaps that are listed with both signs, the one with the other sign."""
+        keys = list(zip(self.pairs.names(), self.pairs.sign.tolist(), strict=True))
+        at = {key: k for k, key in enumerate(keys)}
+        return {k: at[name, -sign] for k, (name, sign) in enumerate(keys) if (name, -sign) in at}
+
 
 def pieces(shape: Shape, near: Pairs) -> Pieces:
     """The clauses of the edges and facets to which `near` pairs, those that touch, belong."""

@@ -52,9 +52,14 @@ class _Known:
 
 
 class Sides:
-    """Signs of gaps, from those of a shape that does not cross; `kept` are gaps that are closed there."""
+    """Signs of gaps, from those of a shape that does not cross; `kept` are gaps that are closed there.
 
-    def __init__(self, shape: Shape, kept: Pairs) -> None:
+    With `corners` gaps count as well where others, which are larger, bound their places: sheets are then held
+    where they could slip off each other.
+    """
+
+    def __init__(self, shape: Shape, kept: Pairs, corners: bool = False) -> None:
+        self.corners = corners
         near = audit(shape, KNOWN * shape.length).near
         value, inside = _gaps(shape, near), _off(shape, near) <= 0.0
         clear = inside & (np.abs(value) > TOUCHING * shape.length)
@@ -82,8 +87,11 @@ class Sides:
         pairs = pairs.take(_off(shape, pairs) <= MARGIN)
         sign = self._signs(shape, pairs)
         pairs = Pairs(pairs.first, pairs.second, sign).take(sign != 0.0).ordered()
-        pairs = pairs.take(_bounds(shape, pairs))
-        return pairs, _gaps(shape, pairs)
+        value = _gaps(shape, pairs)
+        if not self.corners:
+            counts = _counts(shape, pairs, value)
+            pairs, value = pairs.take(counts), value[counts]
+        return pairs, value
 
     def _signs(self, shape: Shape, pairs: Pairs) -> Array:
         """The signs (k,) of pairs, 0 where they are not known."""
@@ -153,24 +161,41 @@ def _gaps(shape: Shape, pairs: Pairs) -> Array:
     return gaps(vectors(shape, what), what, pairs.sign, shape.half_width).value
 
 
-def _bounds(shape: Shape, pairs: Pairs) -> Flags:
-    """Whether gaps of places off their features (k,) bound them: where the next facet rises, or the next side
-    bends, to the other feature, so that its gap is the less of the two. Elsewhere it is the larger one."""
-    at, six = places(shape, pairs), vectors(shape, arguments(pairs))
+def _counts(shape: Shape, pairs: Pairs, value: Array) -> Flags:
+    """Which gaps (k,) count. A gap whose place is off a feature bounds that place still where the next facet
+    rises, or the next side bends, to the other feature: the gap is the less of the two there. Elsewhere it is
+    the larger one, and the one that is less does not count."""
+    at, six, names = places(shape, pairs), vectors(shape, arguments(pairs)), pairs.names()
+    known = dict(zip(names, value.tolist(), strict=True))
     normal = pairs.sign[:, None] * np.cross(six[:, ONE], six[:, TWO])
-    out = np.ones(len(pairs), dtype=bool)
+    out = np.abs(at[:, 3] - 0.5) <= 0.5 + INSIDE
     for k, features, toward in ((0, pairs.first, -normal), (2, pairs.second, normal)):
-        kind, number = features.T
-        ahead, facet = at[:, k] > 0.5, kind == FACET
-        n, node = shape.segments, np.where(facet, number, number // 3) + ahead
-        there = shape.closed | ((node > 0) & (node < n))
-        turn = shape.u[node % n] - shape.u[(node - 1) % n]
-        along = np.where(ahead[:, None], shape.u[node % n], -shape.u[(node - 1) % n])
-        rises = np.where(facet[:, None], along, turn)
-        beyond = there & ((rises * toward).sum(axis=1) > 0.0) & (facet | (number % 3 > 0))
-        inside = np.abs(at[:, k] - 0.5) <= 0.5 + INSIDE
-        out &= inside | beyond
-    return out & (np.abs(at[:, 3] - 0.5) <= 0.5 + INSIDE)
+        for row in np.flatnonzero(np.abs(at[:, k] - 0.5) > 0.5 + INSIDE).tolist():
+            kind, number = features[row].tolist()
+            beyond, rises = _beyond(shape, kind, number, bool(at[row, k] > 0.5))
+            if beyond < 0:
+                out[row] = False
+            elif rises @ toward[row] <= 0.0:
+                ends = [names[row][:2], names[row][2:]]
+                ends[k // 2] = (kind, beyond)
+                one, other = sorted(ends)
+                out[row] &= known.get((*one, *other), -np.inf) <= value[row]
+    return out
+
+
+def _beyond(shape: Shape, kind: int, number: int, ahead: bool) -> tuple[int, Array]:
+    """The facet or side that comes next to one, -1 if none does, and where it rises or bends to."""
+    n, track = shape.segments, 0 if kind == FACET else number % 3
+    k = number if kind == FACET else number // 3
+    there = k + 1 if ahead else k - 1
+    if (kind == EDGE and not track) or (not shape.closed and not 0 <= there < n):
+        return -1, np.zeros(3)
+    over = there % n
+    if kind == FACET:
+        return over, shape.u[over] if ahead else -shape.u[over]
+    swapped = 3 - track if over != there and shape.sigma < 0 else track
+    turn = shape.u[over] - shape.u[k] if ahead else shape.u[k] - shape.u[over]
+    return 3 * over + swapped, turn
 
 
 def _off(shape: Shape, pairs: Pairs) -> Array:

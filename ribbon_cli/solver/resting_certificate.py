@@ -18,7 +18,7 @@ reason.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
@@ -51,7 +51,10 @@ DEPENDENT = 1e-7
 """Part of a row, in the scaled metric, that has to be off the others for it to be independent of them."""
 SHARED = 1e-3
 """Part of the largest force that a gap without force is tried with."""
-MOST_PIECES = 200
+PROVED = 1e-6
+"""Eigenvalue above which the Hessian is shown to be on one piece, so that others need no count."""
+NO_MOVE = 1e-12
+MOST_PIECES = 5000
 STEEPEST_XI = 12.0
 """Largest |xi| with which counts are trusted: 1 - tanh xi is 4e-11 there."""
 
@@ -112,12 +115,11 @@ def _on_all_pieces(judge: _Judge, local: Pieces) -> tuple[str, int]:
     todo: list[tuple[frozenset[int], list[frozenset[int]]]] = [(frozenset(), list(local.clauses))]
     leaves = 0
     while todo:
-        chosen, clauses = todo.pop()
-        while single := [clause for clause in clauses if len(clause) == 1]:
-            chosen |= frozenset().union(*single)
-            clauses = [clause for clause in clauses if not clause & chosen]
-        why, open_gaps = judge.doubt(chosen)
-        broken = {clause: max(open_gaps[k] for k in clause) for clause in clauses}
+        chosen, clauses = _settled(*todo.pop(), local.opposite)
+        if frozenset() in clauses:
+            continue  # no shape keeps two features on both sides of each other
+        why, opening = judge.doubt(chosen)
+        broken = {clause: max(opening[k] for k in clause) for clause in clauses}
         broken = {clause: most for clause, most in broken.items() if most < 0.0}
         if not why:
             leaves += 1
@@ -127,8 +129,33 @@ def _on_all_pieces(judge: _Judge, local: Pieces) -> tuple[str, int]:
             return f"More than {MOST_PIECES} pieces of what does not cross meet there.", leaves
         else:
             worst = min(broken, key=lambda clause: (broken[clause], sorted(clause)))
-            todo += [(chosen | {k}, [c for c in clauses if k not in c]) for k in sorted(worst)]
+            todo += [(chosen | {k}, clauses) for k in sorted(worst)]
     return "", leaves
+
+
+def _settled(
+    chosen: frozenset[int], clauses: list[frozenset[int]], opposite: dict[int, int]
+) -> tuple[frozenset[int], list[frozenset[int]]]:
+    """The gaps chosen with those that are the only ones left in a clause, and the clauses that are left."""
+    while True:
+        against = frozenset(opposite[k] for k in chosen if k in opposite)
+        clauses = [clause - against for clause in clauses if not clause & chosen]
+        single = frozenset().union(*(clause for clause in clauses if len(clause) == 1))
+        if not single:
+            return chosen, clauses
+        if any(opposite.get(k) in single for k in single):
+            return chosen, [frozenset()]
+        chosen = chosen | single
+
+
+@dataclass(frozen=True)
+class _Proved:
+    """A piece with a positive definite Hessian, whose rows span those of all gaps: its forces (K,), what they
+    hold (7N,), and all gaps' Hessians (K,r,r) on the null space."""
+
+    forces: Array
+    left: Array
+    forms: Array
 
 
 class _Judge:
@@ -149,8 +176,10 @@ class _Judge:
         self.closed = np.abs(at.value - problem.gap) <= CLOSED * problem.band.length
         off = np.array([self._projected(row)[0] for row in self.rows]).reshape(len(pairs), -1).T
         axes, values, _ = np.linalg.svd(off, full_matrices=False)
-        axes = axes[:, values > DEPENDENT * values.max(initial=0.0)]
+        self.axes = axes = axes[:, values > DEPENDENT * values.max(initial=0.0)]
         self.columns, self.needed = axes.T @ off, axes.T @ self._projected(self.free.gradient)[0]
+        self.hessian = at.hessian
+        self.proved: _Proved | None = None
 
     @property
     def independent(self) -> bool:
@@ -168,6 +197,8 @@ class _Judge:
             why = "No forces hold it on a piece of what does not cross: sheets slip off."
             return why, down @ self.columns
         why, unknown = "", np.full(len(self.rows), -1.0)
+        if self._like_one_proved(which, forces):
+            return "", unknown
         for shared in (forces, self._shared(which, forces)):
             multipliers, left = self._balanced(which, shared)
             if left > STATIONARY_TO:
@@ -219,12 +250,47 @@ class _Judge:
         assert isinstance(local, RestingDerivatives)
         matrix = kkt_matrix(pushing, local.keeping(len(first)), pushing.rotations(self.x))
         try:
+            spans = self.proved is None and len(first) == len(self.axes.T) < len(self.rows)
+            if spans and Factor(matrix, shift=PROVED).proves_minimum():
+                left = self.base.lagrangian_gradient(self.free, multipliers)
+                self.proved = _Proved(self._every(which, forces), left, self._forms())
+                return True
             if Factor(matrix).proves_minimum():
                 return True
             count = inertia(matrix)
         except FactorisationError:
             return False
         return count.trusted and count.negative == 0
+
+    def _like_one_proved(self, which: IntArray, forces: Array) -> bool:
+        """Whether forces are in balance with the same multipliers as those of a piece on which the Hessian is
+        known to be above `PROVED`, with rows that span the same, and change the Hessian by less."""
+        known = self.proved
+        strong = np.flatnonzero(forces > WEAK * forces.max(initial=0.0))
+        if known is None or len(self._independent(which[strong])) < len(self.axes.T):
+            return False
+        if np.abs(known.left - forces @ self.rows[which]).max() > STATIONARY_TO:
+            return False
+        change = np.tensordot(self._every(which, forces) - known.forces, known.forms, axes=1)
+        most = np.abs(np.linalg.eigvalsh(change)).max(initial=0.0)
+        return bool(most <= 0.5 * PROVED * float(self.normal.matrix.scale[: self.base.size].min()) ** 2)
+
+    def _forms(self) -> Array:
+        """The gaps' Hessians (K,r,r) on the null space of constraints and all gaps, in axes in which moves of
+        length 1 in the scaled metric have a length of at most 1."""
+        copies = self.gaps.copies
+        rows = np.array([self._projected(row)[0] for row in self.gaps.copies_of_x().toarray()])
+        rows = rows - (rows @ self.axes) @ self.axes.T
+        u, values, _ = np.linalg.svd(rows, full_matrices=False)
+        moves = (u * values)[:, values > NO_MOVE * values.max()]
+        six = (3 * copies.slot[:, :, None] + np.arange(3)).reshape(len(copies.slot), 18)
+        return np.array([moves[at].T @ own @ moves[at] for at, own in zip(six, self.hessian, strict=True)])
+
+    def _every(self, which: IntArray, forces: Array) -> Array:
+        """Forces (K,) of all gaps."""
+        out = np.zeros(len(self.rows))
+        out[which] = forces
+        return out
 
     def _independent(self, which: IntArray) -> IntArray:
         """Places in a list of gaps (k,) of some whose rows span those of all, and are independent."""

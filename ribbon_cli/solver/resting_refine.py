@@ -35,8 +35,9 @@ from .resting_set import (
     united,
     way_between,
 )
+from .status import Status
 
-SAME_LINKING = 1e-6from .status import Status
+SAME_LINKING = 1e-6
 
 TOUCHES = 1e-9
 """Gap, as part of l, up to which features of the coarse shape touch."""
