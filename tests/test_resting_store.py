@@ -329,7 +329,7 @@ def test_contacts_come_back_from_npz(record, tmp_path):
     with np.load(path) as found:
         arrays = dict(found)
     odd = {"contact_gap": -1.0, "contact_force": np.full(4, np.nan), "contact_sign": np.array(["a"] * 4)}
-    odd |= {"contact_first": np.full((4, 2), 1000), "contact_second": None}
+    odd |= {"contact_first": np.full((4, 2), 1000), "contact_second": None, "contact_excluded": np.ones(1)}
     for name, value in odd.items():
         changed = {key: kept for key, kept in (arrays | {name: value}).items() if kept is not None}
         np.savez(path, **changed)
