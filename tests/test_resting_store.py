@@ -8,17 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cli_support import ribbon, ribbon_json
-from resting_support import resting
+from resting_support import resting_record
 from store_support import make_contacts, make_record, make_run
 
 from ribbon_cli.config import ConfigError, ContactRequest, parse_config
 from ribbon_cli.errors import StoreError
 from ribbon_cli.export.words import meeting
-from ribbon_cli.model.touching import Shape
-from ribbon_cli.model.touching_audit import audit
-from ribbon_cli.solver.newton import Options, solve
-from ribbon_cli.solver.resting import RestingProblem
-from ribbon_cli.solver.resting_certificate import certified
 from ribbon_cli.store import (
     Contacts,
     StateRecord,
@@ -31,8 +26,7 @@ from ribbon_cli.store import (
     write_atomic,
 )
 from ribbon_cli.store.hdf5 import decode_bytes
-from ribbon_cli.study.clock import Clock
-from ribbon_cli.study.records import Reached, build_record, rest_of
+from ribbon_cli.study.records import rest_of
 from ribbon_cli.verify import judge
 from ribbon_cli.verify.recompute import verify_record
 
@@ -41,25 +35,16 @@ PI, THREE = "pi-b1.65-N100", "3pi-b0.9-N120"
 CONFIG = "topology: {half_twists: 1}\ninitial_guess: {recipe: twist, segments: 50, half_width: 0.1}\n"
 
 
-def _record(name: str, half_twists: int) -> StateRecord:
-    state, pairs, *_ = resting(name)
-    problem = RestingProblem(state.band, pairs)
-    solved = solve(problem, state.vector(), None, Options(leave_saddles=0))
-    result = certified(problem, solved, audit(Shape.of(solved.state), 1e-9))
-    reached = Reached(problem, result, "equilibrium", "b = 1.65", "a barrier", half_twists)
-    return build_record(1, reached, Clock((), None))
-
-
 @pytest.fixture(scope="module")
 def record() -> StateRecord:
     """The pi band at rest on four contacts, a certified minimum."""
-    return _record(PI, 1)
+    return resting_record(PI)
 
 
 @pytest.fixture(scope="module")
 def undecided() -> StateRecord:
     """The 3 pi band at rest on three vertices that meet."""
-    return _record(THREE, 3)
+    return resting_record(THREE)
 
 
 # --- files and summaries ---

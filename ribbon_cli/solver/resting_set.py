@@ -25,7 +25,7 @@ from ..model.touching_sides import Sides
 from ..parts import HALF_WIDTH
 from .kkt import FactorisationError
 from .linear import Factor
-from .newton import Options, change, estimate_multipliers, solve
+from .newton import Options, change, solve
 from .prolongation import divided
 from .resting import RestingProblem, resting_rates
 from .resting_barrier import BarrierProblem
@@ -231,14 +231,26 @@ class Guess:
 
 
 def exchanged(guess: Guess) -> Rest:
-    """The shape at rest near a place, with gaps exchanged on the way. Raises NoRestError."""
-    sides = Distances() if guess.gap else Sides(Shape.of(guess.before), guess.pairs)
-    search = Exchange(guess.band, sides, FARTHEST, guess.gap)
-    own = (
-        estimate_multipliers(Problem(guess.band), guess.x) if guess.multipliers is None else guess.multipliers
-    )
-    problem, result = search.rest(guess.x, own, guess.pairs, guess.forces)
-    return accepted(guess.before, problem, result, SLIP, search.steps, ("exchange",))
+    """The shape at rest near a place, with gaps exchanged on the way: a certified minimum if there is one,
+    first where sheets slip off each other, then held at corners. Raises NoRestError."""
+    shape, own = Shape.of(guess.before), guess.multipliers
+    assert own is not None
+    ends, why = [], NoRestError("")
+    for corners in (False,) if guess.gap else (False, True):
+        sides = Distances() if guess.gap else Sides(shape, guess.pairs, corners)
+        search = Exchange(guess.band, sides, FARTHEST, guess.gap)
+        try:
+            problem, result = search.rest(guess.x, own, guess.pairs, guess.forces)
+            end = accepted(guess.before, problem, result, SLIP, search.steps, ("exchange",))
+        except NoRestError as failure:
+            why = failure
+            continue
+        if end.result.certified:
+            return end
+        ends.append(end)
+    if not ends:
+        raise why
+    return ends[0]
 
 
 def let_down(guess: Guess) -> Rest:
@@ -270,7 +282,7 @@ def let_down(guess: Guess) -> Rest:
             continue
         near = problem.near(x)
         listed, forces = candidates(problem.shape(x), near, problem.forces(x, near), gap)
-        sides = Distances() if gap else Sides(problem.shape(x), Pairs.none())
+        sides = Distances() if gap else Sides(problem.shape(x), Pairs.none(), corners=True)
         search = Exchange(band, sides, WANDERED, gap)
         try:
             polished, found = search.rest(x, own, listed, forces)

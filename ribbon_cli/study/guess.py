@@ -1,7 +1,8 @@
 """The initial guess of a config: made by its recipe, or given, then freed.
 
 With contact forces, a guess that would cross itself is made narrower, freed there without contact and looked
-at over all pairs of features. From there it is widened with contact.
+at over all pairs of features. From there it is widened with contact. A guess that is a saddle, and that of a
+recipe whose bands rest on themselves from the beginning, is let down with contact.
 """
 
 from __future__ import annotations
