@@ -22,12 +22,11 @@ from ..model.touching_sides import Sides
 from .kkt import FactorisationError
 from .newton import estimate_multipliers
 from .prolongation import Phase, divided, phase_of, smooth
-from .resting_exchange import Exchange
+from .resting_exchange import Exchange, NoRestError
 from .resting_set import (
     REACHES,
     SLIP,
     Guess,
-    NoRestError,
     Rest,
     accepted,
     let_down,
