@@ -44,8 +44,8 @@ REASONS = {
         study.solve._Study._levels study.solve._Study._missed study.solve._Study._words study.solve._known
         plot.kinds._one_parameter plot.levels.PlacedAt plot.labels.parameter_column
         plot.labels.Placed.parameters study.stepping._stage study.stepping.moved study.stepping.step_to
-        study.walk.Stage study.stepping.step_from study.resting.step study.resting._chosen study.resting._ended
-        study.resting.changes study.touch_down._Way study.touch_down._Way.at
+        study.walk.Stage study.stepping.step_from study.resting.step study.resting._chosen
+        study.resting._ended study.resting.changes study.touch_down._Way study.touch_down._Way.at
         analysis.stability._others report.spectra.StateSpectrum""",
     "functions by the name that a user gives": "report.tables plot.kinds",
     "keywords and settings of matplotlib": """
