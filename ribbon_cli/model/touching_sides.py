@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from .band import Array
 from .touching import EDGE, FACET, VERTEX, IntArray, Shape
 from .touching_audit import audit, boxes_near
-from .touching_barrier import Neighbourhood, nearest
+from .touching_barrier import Neighbourhood
 from .touching_gaps import ONE, TWO, Pairs, arguments, gaps, places, vectors
 
 TOUCHING = 1e-9
@@ -122,26 +122,6 @@ class Sides:
         row = np.arange(len(best))
         flips = over_two[row, best] & (asked.other == 0)
         return away[row, best], np.where(flips, shape.sigma, 1) * known.side[best]
-
-
-class Distances:
-    """The same for a gap that is not zero: pairs as they are nearest, whose distances need no side."""
-
-    def __init__(self, gap: float) -> None:
-        self.gap = gap
-        self._near: Neighbourhood | None = None
-
-    def near(self, shape: Shape, reach: float) -> tuple[Pairs, NDArray[np.float64]]:
-        """See `Sides`."""
-        if self._near is None or not self._near.covers(shape):
-            self._near = Neighbourhood.of(shape, reach, ROOM * shape.length)
-        pairs = nearest(shape, self._near.features, reach).unique()
-        return pairs, _gaps(shape, pairs)
-
-
-def nearer(shape: Shape, reach: float) -> Pairs:
-    """The pairs nearer than a reach, over all pairs, each once and as it is nearest."""
-    return nearest(shape, Neighbourhood.of(shape, reach, 0.0).features, reach).unique()
 
 
 def _asked(shape: Shape, pairs: Pairs, turned: bool) -> tuple[IntArray, _Known, Array]:

@@ -16,8 +16,9 @@ import scipy
 
 from ..model.band import Array, Band, State
 from ..model.touching import Shape
+from ..model.touching_distances import Distances
 from ..model.touching_gaps import Pairs, places
-from ..model.touching_sides import Distances, Sides
+from ..model.touching_sides import Sides
 from .kkt import KKTMatrix
 from .linear import Factor
 from .newton import Options, Stepper, change, iterate_at, solve
@@ -51,9 +52,17 @@ class Exchange:
     `farthest` is the change from the start beyond which it goes somewhere else.
     """
 
-    def __init__(self, band: Band, sides: Sides | Distances, farthest: float, gap: float = 0.0) -> None:
+    def __init__(
+        self,
+        band: Band,
+        sides: Sides | Distances,
+        farthest: float,
+        gap: float = 0.0,
+        near_saddle: float = Options.near_saddle,
+    ) -> None:
         self.band, self.sides, self.farthest, self.gap = band, sides, farthest, gap
-        self.options = Options(leave_saddles=0)
+        self.options = Options(leave_saddles=0, near_saddle=near_saddle)
+        self.saddle: tuple[RestingProblem, Result] | None = None
         self.saddles = 0
         self.steps = 0
 
@@ -93,6 +102,8 @@ class Exchange:
         result = solve(problem, point.x, point.multipliers, replace(self.options, max_steps=4))
         if result.status not in STATIONARY:
             raise NoRestError(f"{result.status.value} at the end")
+        if result.status is Status.SADDLE:
+            self.saddle = problem, result
         if result.status is Status.SADDLE and self.saddles < MOST_SADDLES:
             self.saddles += 1
             beside = Stepper(problem, self.options).left(iterate_at(problem, result.x, result.multipliers))
