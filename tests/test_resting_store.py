@@ -11,6 +11,7 @@ from cli_support import ribbon, ribbon_json
 from resting_support import resting_record
 from store_support import make_contacts, make_record, make_run
 
+import ribbon_cli
 from ribbon_cli.config import ConfigError, ContactRequest, parse_config
 from ribbon_cli.errors import StoreError
 from ribbon_cli.export.words import meeting
@@ -253,6 +254,20 @@ def test_tables_and_npz_have_contacts(run, record):
     assert ribbon("export", "mobius:1", "--to", "npz", "-o", "y.npz").exit_code == 0
     with np.load("y.npz") as found:
         assert not [name for name in found if name.startswith("contact")]
+
+
+def test_frames_datasets_and_states_have_contacts(run):
+    opened = ribbon_cli.open("mobius")
+    frame = opened.table()
+    assert frame.contacts.tolist()[1:] == [0, 4]
+    assert frame.contacts.isna().tolist() == [True, False, False]
+    assert frame.contact_force[2] == pytest.approx(82.648416)
+    dataset = opened.to_xarray(grid=False)
+    assert np.isnan(dataset.contacts[0])
+    assert dataset.penetration.values[2] <= 1e-9
+    state = opened.state(3)
+    assert state.contacts.total_force == pytest.approx(82.648416)
+    assert "rests on itself at 4 contacts" in state._repr_html_()
 
 
 def test_other_contact_is_refused_where_a_band_rests(run):
