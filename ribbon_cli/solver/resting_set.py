@@ -134,6 +134,7 @@ def slopes(rest: Rest, name: str = HALF_WIDTH) -> Slopes:
     return Slopes(z[:n], -z[n : n + problem.rows], along.lagrangian)
 
 
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def moved(rest: Rest, band: Band, by: float, along: Slopes, gap: float | None = None) -> Rest:
     """The next shape with the same pairs, with a band of other parameters or at another gap. Raises
     NoRestError."""
@@ -230,6 +231,7 @@ class Guess:
     slip: float = 10.0 * DEPTH
 
 
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def exchanged(guess: Guess) -> Rest:
     """The shape at rest near a place, with gaps exchanged on the way: a certified minimum if there is one,
     first where sheets slip off each other, then held at corners. Raises NoRestError."""
@@ -253,6 +255,7 @@ def exchanged(guess: Guess) -> Rest:
     return ends[0]
 
 
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def let_down(guess: Guess) -> Rest:
     """The shape at rest near a place, which need not be one that keeps gaps, by a barrier, then without it.
     Raises NoRestError.
