@@ -248,3 +248,8 @@ def test_a_wider_band_is_found_by_a_barrier():
     assert end.result.certified
     assert end.result.energy == pytest.approx(direct.result.energy, rel=1e-9)
     assert end.audit.penetration <= 1e-9 * rest.band.length
+
+
+def test_gaps_without_derivatives_have_no_forces():
+    with pytest.raises(NoRestError, match="parallel"):
+        pushing(np.array([[1.0, np.inf], [np.inf, 1.0]]), np.array([-1.0, 1.0]))

@@ -83,14 +83,15 @@ def certified(problem: RestingProblem, result: Result, found: Audit) -> Result:
     )
     judge = _Judge(problem, result, local.pairs)
     plain = judge.independent and all(len(clause) == 1 for clause in local.clauses)
+    rests = f"At rest on {len(forces)} contact{'s' * (len(forces) > 1)}"
     if result.status is Status.SADDLE:
         if not plain or set(local.pairs.names()) != set(problem.pairs.names()):
             return _undecided(result, "With the contacts kept it is a saddle, but some depend on others.")
-        return _as(result, Status.SADDLE, f"(At rest on {len(forces)} contacts, which are kept.)")
+        return _as(result, Status.SADDLE, f"({rests}, which are kept.)")
     why, leaves = _on_all_pieces(judge, local)
     if why:
         return _undecided(result, why)
-    detail = f"At rest on {len(forces)} contacts, with forces of {forces.sum():.6g} in all"
+    detail = f"{rests}, with forces of {forces.sum():.6g} in all"
     if not judge.independent:
         detail += ", which can be shared out in other ways, since contacts depend on each other"
     if leaves > 1:

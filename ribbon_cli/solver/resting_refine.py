@@ -22,12 +22,11 @@ from ..model.touching_sides import Sides
 from .kkt import FactorisationError
 from .newton import estimate_multipliers
 from .prolongation import Phase, divided, phase_of, smooth
-from .resting_exchange import Exchange
+from .resting_exchange import Exchange, NoRestError
 from .resting_set import (
     REACHES,
     SLIP,
     Guess,
-    NoRestError,
     Rest,
     accepted,
     let_down,
@@ -135,6 +134,9 @@ def _same_linking(coarse: State, fine: State) -> None:
     """Raise NoRestError if a closed band's linking number changed."""
     if not coarse.band.closed:
         return
-    one, other = (linking_number(s.u, s.g, s.band.sigma, s.band.h).linking_number for s in (coarse, fine))
+    try:
+        one, other = (linking_number(s.u, s.g, s.band.sigma, s.band.h).linking_number for s in (coarse, fine))
+    except ValueError as error:
+        raise NoRestError(str(error)) from error
     if abs(one - other) > SAME_LINKING:
         raise NoRestError(f"the linking number changed from {one:g} to {other:g}")

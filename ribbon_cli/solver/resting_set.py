@@ -31,7 +31,7 @@ from .prolongation import divided
 from .resting import RestingProblem, resting_rates
 from .resting_barrier import BarrierProblem
 from .resting_certificate import PULLS, certified
-from .resting_exchange import OFF, Exchange, NoRestError, off_features, pushing
+from .resting_exchange import OFF, Exchange, GapLostError, NoRestError, off_features, pushing
 from .resting_kkt import RestingDerivatives, kkt_matrix
 from .status import STATIONARY, Result, Status
 from .tracking import Way
@@ -136,6 +136,7 @@ def slopes(rest: Rest, name: str = HALF_WIDTH) -> Slopes:
     return Slopes(z[:n], -z[n : n + problem.rows], along.lagrangian)
 
 
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def moved(rest: Rest, band: Band, by: float, along: Slopes, gap: float | None = None) -> Rest:
     """The next shape with the same pairs, with a band of other parameters or at another gap. Raises
     NoRestError."""
@@ -192,13 +193,13 @@ def accepted(
             raise NoRestError(f"a force pulls, {forces.min():.1e}")
     found = audit(shape, problem.gap + DEPTH * length)
     if found.lacks(problem.gap) > DEPTH * length:
-        raise NoRestError(f"features cross, or are nearer than the gap, by {found.lacks(problem.gap):.1e}")
+        raise GapLostError(f"features cross, or are nearer than the gap, by {found.lacks(problem.gap):.1e}")
     motion = way_between(before, result.state, problem.gap)
     met = motion.passages()
     if len(met):
         depth = motion.depth(met)
         if depth > slip * length:
-            raise NoRestError(f"the way passes through itself, {depth:.1e} deep")
+            raise GapLostError(f"the way passes through itself, {depth:.1e} deep")
     return Rest(problem, certified(problem, result, found), found, steps, changes)
 
 
@@ -263,6 +264,7 @@ class Guess:
     slip: float = 10.0 * DEPTH
 
 
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def exchanged(guess: Guess) -> Rest:
     """The shape at rest near a place, with gaps exchanged on the way: a certified minimum if there is one,
     first where sheets slip off each other, then held at corners. Raises NoRestError."""
@@ -286,6 +288,7 @@ def exchanged(guess: Guess) -> Rest:
     return ends[0]
 
 
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def let_down(guess: Guess) -> Rest:
     """The shape at rest near a place, which need not be one that keeps gaps, by a barrier, then without it.
     Raises NoRestError.
@@ -352,7 +355,7 @@ def opened(guess: Guess, room: float) -> State:
         if len(more) == len(pairs):
             break
         pairs = more
-    raise NoRestError(why)
+    raise GapLostError(why)
 
 
 def way_between(before: State, after: State, gap: float = 0.0) -> Motion:
