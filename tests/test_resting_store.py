@@ -11,6 +11,7 @@ from cli_support import ribbon, ribbon_json
 from resting_support import resting_record
 from store_support import make_contacts, make_record, make_run
 
+import ribbon_cli
 from ribbon_cli.config import ConfigError, ContactRequest, parse_config
 from ribbon_cli.errors import StoreError
 from ribbon_cli.export.words import meeting
@@ -255,6 +256,20 @@ def test_tables_and_npz_have_contacts(run, record):
         assert not [name for name in found if name.startswith("contact")]
 
 
+def test_frames_datasets_and_states_have_contacts(run):
+    opened = ribbon_cli.open("mobius")
+    frame = opened.table()
+    assert frame.contacts.tolist()[1:] == [0, 4]
+    assert frame.contacts.isna().tolist() == [True, False, False]
+    assert frame.contact_force[2] == pytest.approx(82.648416)
+    dataset = opened.to_xarray(grid=False)
+    assert np.isnan(dataset.contacts[0])
+    assert dataset.penetration.values[2] <= 1e-9
+    state = opened.state(3)
+    assert state.contacts.total_force == pytest.approx(82.648416)
+    assert "rests on itself at 4 contacts" in state._repr_html_()
+
+
 def test_other_contact_is_refused_where_a_band_rests(run):
     for option, why in (("record", "not stationary"), ("gap=0.02", "cannot be changed there")):
         result = ribbon("continue", "mobius:3", "--to", "1.66", "--contact", option)
@@ -329,7 +344,7 @@ def test_contacts_come_back_from_npz(record, tmp_path):
     with np.load(path) as found:
         arrays = dict(found)
     odd = {"contact_gap": -1.0, "contact_force": np.full(4, np.nan), "contact_sign": np.array(["a"] * 4)}
-    odd |= {"contact_first": np.full((4, 2), 1000), "contact_second": None}
+    odd |= {"contact_first": np.full((4, 2), 1000), "contact_second": None, "contact_excluded": np.ones(1)}
     for name, value in odd.items():
         changed = {key: kept for key, kept in (arrays | {name: value}).items() if kept is not None}
         np.savez(path, **changed)

@@ -52,9 +52,14 @@ class _Known:
 
 
 class Sides:
-    """Signs of gaps, from those of a shape that does not cross; `kept` are gaps that are closed there."""
+    """Signs of gaps, from those of a shape that does not cross; `kept` are gaps that are closed there.
 
-    def __init__(self, shape: Shape, kept: Pairs) -> None:
+    With `corners` gaps count as well where others, which are larger, bound their places: sheets are then held
+    where they could slip off each other.
+    """
+
+    def __init__(self, shape: Shape, kept: Pairs, corners: bool = False) -> None:
+        self.corners = corners
         near = audit(shape, KNOWN * shape.length).near
         value, inside = _gaps(shape, near), _off(shape, near) <= 0.0
         clear = inside & (np.abs(value) > TOUCHING * shape.length)
@@ -83,8 +88,10 @@ class Sides:
         sign = self._signs(shape, pairs)
         pairs = Pairs(pairs.first, pairs.second, sign).take(sign != 0.0).ordered()
         value = _gaps(shape, pairs)
-        counts = _counts(shape, pairs, value)
-        return pairs.take(counts), value[counts]
+        if not self.corners:
+            counts = _counts(shape, pairs, value)
+            pairs, value = pairs.take(counts), value[counts]
+        return pairs, value
 
     def _signs(self, shape: Shape, pairs: Pairs) -> Array:
         """The signs (k,) of pairs, 0 where they are not known."""

@@ -51,9 +51,9 @@ DEPENDENT = 1e-7
 """Part of a row, in the scaled metric, that has to be off the others for it to be independent of them."""
 SHARED = 1e-3
 """Part of the largest force that a gap without force is tried with."""
-PROVED = 1e-6
+PROVED = 1e-5
 """Eigenvalue above which the Hessian is shown to be on one piece, so that others need no count."""
-NO_MOVE = 1e-12
+FAR, NO_MOVE = 1e-8, 1e-12
 MOST_PIECES = 5000
 STEEPEST_XI = 12.0
 """Largest |xi| with which counts are trusted: 1 - tanh xi is 4e-11 there."""
@@ -83,14 +83,15 @@ def certified(problem: RestingProblem, result: Result, found: Audit) -> Result:
     )
     judge = _Judge(problem, result, local.pairs)
     plain = judge.independent and all(len(clause) == 1 for clause in local.clauses)
+    rests = f"At rest on {len(forces)} contact{'s' * (len(forces) > 1)}"
     if result.status is Status.SADDLE:
         if not plain or set(local.pairs.names()) != set(problem.pairs.names()):
             return _undecided(result, "With the contacts kept it is a saddle, but some depend on others.")
-        return _as(result, Status.SADDLE, f"(At rest on {len(forces)} contacts, which are kept.)")
+        return _as(result, Status.SADDLE, f"({rests}, which are kept.)")
     why, leaves = _on_all_pieces(judge, local)
     if why:
         return _undecided(result, why)
-    detail = f"At rest on {len(forces)} contacts, with forces of {forces.sum():.6g} in all"
+    detail = f"{rests}, with forces of {forces.sum():.6g} in all"
     if not judge.independent:
         detail += ", which can be shared out in other ways, since contacts depend on each other"
     if leaves > 1:
@@ -150,12 +151,15 @@ def _settled(
 
 @dataclass(frozen=True)
 class _Proved:
-    """A piece with a positive definite Hessian, whose rows span those of all gaps: its forces (K,), what they
-    hold (7N,), and all gaps' Hessians (K,r,r) on the null space."""
+    """A piece with a positive definite Hessian, whose rows span those of all gaps: its forces (K,), and what
+    they leave of the gradient; what the force of each gap (K,) adds to that, and to the Hessian on the null
+    space, while others keep the balance: near the contacts (K,r,r), and at most elsewhere (K,)."""
 
     forces: Array
-    left: Array
+    left: float
+    off: Array
     forms: Array
+    elsewhere: Array
 
 
 class _Judge:
@@ -178,7 +182,8 @@ class _Judge:
         axes, values, _ = np.linalg.svd(off, full_matrices=False)
         self.axes = axes = axes[:, values > DEPENDENT * values.max(initial=0.0)]
         self.columns, self.needed = axes.T @ off, axes.T @ self._projected(self.free.gradient)[0]
-        self.hessian = at.hessian
+        self.scale = matrix.scale[: self.base.size]
+        self.jacobian = self.base.jacobian_matrix(self.free)
         self.proved: _Proved | None = None
 
     @property
@@ -197,7 +202,7 @@ class _Judge:
             why = "No forces hold it on a piece of what does not cross: sheets slip off."
             return why, down @ self.columns
         why, unknown = "", np.full(len(self.rows), -1.0)
-        if self._like_one_proved(which, forces):
+        if self._like_one_proved(which, forces, off):
             return "", unknown
         for shared in (forces, self._shared(which, forces)):
             multipliers, left = self._balanced(which, shared)
@@ -252,8 +257,9 @@ class _Judge:
         try:
             spans = self.proved is None and len(first) == len(self.axes.T) < len(self.rows)
             if spans and Factor(matrix, shift=PROVED).proves_minimum():
-                left = self.base.lagrangian_gradient(self.free, multipliers)
-                self.proved = _Proved(self._every(which, forces), left, self._forms())
+                every = self._every(which, forces)
+                left = self.base.lagrangian_gradient(self.free, multipliers) - forces @ self.rows[which]
+                self.proved = self._proof(every, float(np.abs(left).max()), which[first])
                 return True
             if Factor(matrix).proves_minimum():
                 return True
@@ -262,29 +268,47 @@ class _Judge:
             return False
         return count.trusted and count.negative == 0
 
-    def _like_one_proved(self, which: IntArray, forces: Array) -> bool:
-        """Whether forces are in balance with the same multipliers as those of a piece on which the Hessian is
-        known to be above `PROVED`, with rows that span the same, and change the Hessian by less."""
+    def _like_one_proved(self, which: IntArray, forces: Array, off: float) -> bool:
+        """Whether the shape is stationary with these forces as it is on a piece where the Hessian is known to
+        be above `PROVED`, with rows that span the same, and the Hessian changes by less."""
         known = self.proved
         strong = np.flatnonzero(forces > WEAK * forces.max(initial=0.0))
         if known is None or len(self._independent(which[strong])) < len(self.axes.T):
             return False
-        if np.abs(known.left - forces @ self.rows[which]).max() > STATIONARY_TO:
+        more, smallest = self._every(which, forces) - known.forces, float(self.scale.min())
+        if known.left + np.abs(more) @ known.off + off / smallest > STATIONARY_TO:
             return False
-        change = np.tensordot(self._every(which, forces) - known.forces, known.forms, axes=1)
-        most = np.abs(np.linalg.eigvalsh(change)).max(initial=0.0)
-        return bool(most <= 0.5 * PROVED * float(self.normal.matrix.scale[: self.base.size].min()) ** 2)
+        near = float(np.linalg.norm(np.tensordot(more, known.forms, axes=1))) / smallest**2
+        most = near + float(np.abs(more) @ known.elsewhere)
+        return most <= 0.5 * PROVED
 
-    def _forms(self) -> Array:
-        """The gaps' Hessians (K,r,r) on the null space of constraints and all gaps, in axes in which moves of
-        length 1 in the scaled metric have a length of at most 1."""
-        copies = self.gaps.copies
-        rows = np.array([self._projected(row)[0] for row in self.gaps.copies_of_x().toarray()])
-        rows = rows - (rows @ self.axes) @ self.axes.T
-        u, values, _ = np.linalg.svd(rows, full_matrices=False)
-        moves = (u * values)[:, values > NO_MOVE * values.max()]
-        six = (3 * copies.slot[:, :, None] + np.arange(3)).reshape(len(copies.slot), 18)
-        return np.array([moves[at].T @ own @ moves[at] for at, own in zip(six, self.hessian, strict=True)])
+    def _proof(self, forces: Array, left: float, first: IntArray) -> _Proved:
+        """What is known from a piece: how the Hessian changes on the null space with the force of each gap,
+        while forces of the gaps `first`, which span all, and multipliers keep the balance."""
+        share = np.linalg.solve(self.columns[:, first], self.columns)
+        every = np.eye(len(self.rows))
+        every[:, first] -= share.T
+        changes, off = [], []
+        none = self._hessian(np.zeros(self.base.rows), np.zeros(len(self.rows)))
+        for own in every:
+            row = own @ self.rows
+            multipliers = self._projected(row)[1]
+            off.append(np.abs(row - self.jacobian.T @ multipliers).max())
+            changes.append(self._hessian(-multipliers, own) - none)
+        size = np.array([abs(change).sum(axis=1).A1 for change in changes])
+        at = np.flatnonzero(size.max(axis=0) > FAR * size.max())
+        size[:, at] = 0.0
+        moves = np.array([self._projected(row)[0] for row in np.eye(self.base.size)[at]])
+        moves = moves - (moves @ self.axes) @ self.axes.T
+        u, values, _ = np.linalg.svd(moves, full_matrices=False)
+        root = (u * values)[:, values > NO_MOVE * values.max(initial=0.0)]
+        forms = [root.T @ change[np.ix_(at, at)].toarray() @ root for change in changes]
+        return _Proved(forces, left, np.array(off), np.array(forms), size.max(axis=1))
+
+    def _hessian(self, multipliers: Array, forces: Array) -> scipy.sparse.csc_matrix:
+        """The Lagrangian's Hessian for multipliers and forces (K,) of all gaps."""
+        local = self.gaps.local_derivatives(self.x, np.concatenate((multipliers, forces)))
+        return self.gaps.hessian_matrix(local).tocsc()
 
     def _every(self, which: IntArray, forces: Array) -> Array:
         """Forces (K,) of all gaps."""

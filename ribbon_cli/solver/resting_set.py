@@ -25,7 +25,7 @@ from ..model.touching_sides import Sides
 from ..parts import HALF_WIDTH
 from .kkt import FactorisationError
 from .linear import Factor
-from .newton import Options, change, estimate_multipliers, solve
+from .newton import Options, change, solve
 from .prolongation import divided
 from .resting import RestingProblem, resting_rates
 from .resting_barrier import BarrierProblem
@@ -134,6 +134,7 @@ def slopes(rest: Rest, name: str = HALF_WIDTH) -> Slopes:
     return Slopes(z[:n], -z[n : n + problem.rows], along.lagrangian)
 
 
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def moved(rest: Rest, band: Band, by: float, along: Slopes, gap: float | None = None) -> Rest:
     """The next shape with the same pairs, with a band of other parameters or at another gap. Raises
     NoRestError."""
@@ -230,17 +231,31 @@ class Guess:
     slip: float = 10.0 * DEPTH
 
 
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def exchanged(guess: Guess) -> Rest:
-    """The shape at rest near a place, with gaps exchanged on the way. Raises NoRestError."""
-    sides = Distances() if guess.gap else Sides(Shape.of(guess.before), guess.pairs)
-    search = Exchange(guess.band, sides, FARTHEST, guess.gap)
-    own = (
-        estimate_multipliers(Problem(guess.band), guess.x) if guess.multipliers is None else guess.multipliers
-    )
-    problem, result = search.rest(guess.x, own, guess.pairs, guess.forces)
-    return accepted(guess.before, problem, result, SLIP, search.steps, ("exchange",))
+    """The shape at rest near a place, with gaps exchanged on the way: a certified minimum if there is one,
+    first where sheets slip off each other, then held at corners. Raises NoRestError."""
+    shape, own = Shape.of(guess.before), guess.multipliers
+    assert own is not None
+    ends, why = [], NoRestError("")
+    for corners in (False,) if guess.gap else (False, True):
+        sides = Distances() if guess.gap else Sides(shape, guess.pairs, corners)
+        search = Exchange(guess.band, sides, FARTHEST, guess.gap)
+        try:
+            problem, result = search.rest(guess.x, own, guess.pairs, guess.forces)
+            end = accepted(guess.before, problem, result, SLIP, search.steps, ("exchange",))
+        except NoRestError as failure:
+            why = failure
+            continue
+        if end.result.certified:
+            return end
+        ends.append(end)
+    if not ends:
+        raise why
+    return ends[0]
 
 
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def let_down(guess: Guess) -> Rest:
     """The shape at rest near a place, which need not be one that keeps gaps, by a barrier, then without it.
     Raises NoRestError.
@@ -270,7 +285,7 @@ def let_down(guess: Guess) -> Rest:
             continue
         near = problem.near(x)
         listed, forces = candidates(problem.shape(x), near, problem.forces(x, near), gap)
-        sides = Distances() if gap else Sides(problem.shape(x), Pairs.none())
+        sides = Distances() if gap else Sides(problem.shape(x), Pairs.none(), corners=True)
         search = Exchange(band, sides, WANDERED, gap)
         try:
             polished, found = search.rest(x, own, listed, forces)
@@ -315,7 +330,7 @@ def way_between(before: State, after: State, gap: float = 0.0) -> Motion:
     where that has too many facets."""
     one, other = before.band.segments, after.band.segments
     both = math.lcm(one, other)
-    if both > MOST_FACETS:
+    if one != other and both > MOST_FACETS:
         raise NoRestError(f"no way from N = {one} to {other} can be looked at: double N instead")
     first, last = (Shape.of(divided(state, both // state.band.segments), gap) for state in (before, after))
     return Motion(first, last)
