@@ -69,6 +69,10 @@ EVENTS = {
     "width-reached": "reached {symbol} = {value:.12g}",
     "value-reached": "came to {symbol} = {value:.12g}",
     "step-halved": "a step from {here} to {there} failed, halved: {why}",
+    "touch": "contact begins at {place} (bracket {bracket:.1e})",
+    "lift": "contact ends at {place} (bracket {bracket:.1e})",
+    "contacts-change": "{before} contacts become {after} between {here} and {there} "
+    "({gone} end, {new} begin)",
 }
 """Kinds of events by their words, which files keep, with their sentences."""
 OTHER_MINIMA = frozenset(("another-minimum", "another-minimum-perhaps", "another-minimum-unproved"))

@@ -62,7 +62,7 @@ def _takes(takes: Takes) -> str:
             return takes.expected.partition(" ")[2]
         case Number():
             if takes.above is None:
-                return "number"
+                return "number" if takes.low < 0.0 else f"number from {takes.low:g}"
             inclusive = takes.low > takes.above
             low = f"number from {takes.low:g}" if inclusive else f"number > {takes.above:g}"
             high = "" if takes.below is None else f", < {takes.below:g}"

@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
-from ribbon_cli.store.layout import BRANCH, DIMENSIONS, ENDS, LOADS, MATERIAL, PROVENANCE, SPECTRUM, STATE
+from ribbon_cli.store.layout import (
+    BRANCH,
+    CONTACTS,
+    DIMENSIONS,
+    ENDS,
+    LOADS,
+    MATERIAL,
+    PROVENANCE,
+    SPECTRUM,
+    STATE,
+)
 
 
 def layout_markdown() -> str:
     """Return the table of docs/format.md: one Markdown row for every dataset."""
     rows = ["| path | type | dimensions | equation | description |", "|---|---|---|---|---|"]
-    for item in (*STATE, *ENDS, *MATERIAL, *LOADS, *SPECTRUM, *BRANCH):
+    for item in (*STATE, *ENDS, *MATERIAL, *LOADS, *SPECTRUM, *BRANCH, *CONTACTS):
         shape = "(" + ", ".join(item.dims) + (",)" if len(item.dims) == 1 else ")")
         kind = f"{item.dtype}, optional" if item.optional else item.dtype
         description = item.description.replace("|", "\\|")

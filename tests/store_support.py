@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ribbon_cli.store import Run, SpectrumRecord, StateRecord, Summary
+from ribbon_cli.store import Contacts, Run, SpectrumRecord, StateRecord, Summary
 from ribbon_cli.store.log import LogReader
 
 CONFIG = "name: mobius\n"
@@ -30,6 +30,22 @@ def make_spectrum(
         sliding_overlap=rng.random(k),
         vectors=None if m is None else rng.normal(size=(m, n, 7)),
     )
+
+
+def make_contacts(k: int = 3, **changes: Any) -> Contacts:
+    """k contacts of a band with ten facets."""
+    fields: dict[str, Any] = {
+        "first": np.array([[0, 3], [1, 4], [1, 6]])[:k],
+        "second": np.array([[2, 7], [1, 20], [1, 9]])[:k],
+        "sign": np.array([1, -1, 1])[:k],
+        "force": np.array([2.5, 0.0, 1e-3])[:k],
+        "value": np.array([0.0, -1e-17, 1e-16])[:k],
+        "gap": 0.0,
+        "excluded": 0.005 * 2 * math.pi,
+        "clearance": 0.0,
+        "penetration": 1e-17,
+    }
+    return Contacts(**(fields | changes))
 
 
 def make_summary(**changes: Any) -> Summary:
@@ -103,7 +119,7 @@ def relative_files(folder: Path) -> set[str]:
     return {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
 
 
-def reseal(path: Path, version: str = "1.3", **changes: Any) -> None:
+def reseal(path: Path, version: str = "1.4", **changes: Any) -> None:
     """Make the hash in a state file's head that of its bytes, its summary `changes` richer, and its version
     another.
     """
@@ -114,7 +130,7 @@ def reseal(path: Path, version: str = "1.3", **changes: Any) -> None:
     text, _, _ = rest.partition(b"\n")
     summary = json.dumps(json.loads(text) | changes, ensure_ascii=False, separators=(",", ":")).encode()
     rest = (summary + b"\n").ljust(2048 - 89, b"\0") + rest[2048 - 89 :]
-    line = line.replace(b" 1.3 ", f" {version} ".encode())
+    line = line.replace(b" 1.4 ", f" {version} ".encode())
     path.write_bytes(line[:-64] + hashlib.sha256(rest).hexdigest().encode() + b"\n" + rest)
 
 

@@ -18,6 +18,7 @@ from config_samples import GOOD, MINIMAL, changed, problems_of
 from ribbon_cli.config import (
     Config,
     ConfigError,
+    ContactRequest,
     Guess,
     Refinement,
     SpectrumRequest,
@@ -42,7 +43,7 @@ def test_the_example_of_the_documentation() -> None:
         widths=(0.1, 0.2, 0.5, 0.8, 1.0, 1.5),
         refinement=Refinement((50, 100, 200, 400)),
         spectrum=SpectrumRequest(12, 200, ("euclidean", "physical")),
-        contact="record",
+        contact=ContactRequest("record"),
         text=GOOD,
         path="somewhere/mobius.yaml",
     )
@@ -57,7 +58,7 @@ def test_defaults() -> None:
     assert config.widths == (0.1,)
     assert config.refinement == Refinement((50,))
     assert config.spectrum == SpectrumRequest()
-    assert config.contact == "record"
+    assert config.contact == ContactRequest("record")
 
 
 def test_a_range_of_widths_follows_the_schedule() -> None:

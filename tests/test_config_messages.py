@@ -261,7 +261,7 @@ def schoenke(half_twists: int, segments: int, half_width: float) -> str:
         ),
         (
             changed("contact: record", "contact: recrod"),
-            "mobius.yaml:9:10: contact: must be record or stop, got recrod, did you mean record?",
+            "mobius.yaml:9:10: contact: must be record, stop or forces, got recrod, did you mean record?",
         ),
         (
             changed("name: mobius-pi", "name: ../x"),
@@ -284,7 +284,8 @@ def schoenke(half_twists: int, segments: int, half_width: float) -> str:
         ),
         (
             changed("contact: record", f"contact: '{'r' * 50}'"),
-            f"mobius.yaml:9:10: contact: must be record or stop, got the text '{'r' * 40}'... (in quotes)",
+            f"mobius.yaml:9:10: contact: must be record, stop, forces or {{gap: 0.02}}, got the text "
+            f"'{'r' * 40}'... (in quotes)",
         ),
         ("? [a]\n: b\n" + GOOD, "mobius.yaml:1:3: a key must be a word, got a list"),
         (
@@ -365,7 +366,7 @@ def test_all_problems_at_once_in_the_order_of_the_file() -> None:
     )
     number = "must be a number such as 0.5, 1e-3, 2*pi or pi/30, got x"
     assert problems_of(text) == [
-        "mobius.yaml:1:10: contact: must be record or stop, got maybe",
+        "mobius.yaml:1:10: contact: must be record, stop, forces or {gap: 0.02}, got maybe",
         "mobius.yaml:2:15: widths[1]: must be > 0, got -0.5",
         f"mobius.yaml:2:21: widths[2]: {number} (not made of numbers, pi, + - * / and parentheses)",
         "mobius.yaml:3:1: lenght: unknown key: did you mean length?",

@@ -35,7 +35,7 @@ from ribbon_cli.config import (
 from ribbon_cli.config.table import CONFIG
 from ribbon_cli.report.convergence import Entry
 from ribbon_cli.solver.status import Status
-from ribbon_cli.store.layout import BRANCH, ENDS, LOADS, MATERIAL, SPECTRUM, STATE
+from ribbon_cli.store.layout import BRANCH, CONTACTS, ENDS, LOADS, MATERIAL, SPECTRUM, STATE
 from ribbon_cli.study import solve_config
 
 ROOT = Path(__file__).parent.parent
@@ -266,7 +266,7 @@ def rows(section: str) -> list[str]:
 
 def test_notation_names_every_dataset() -> None:
     named = set(re.findall(r"`(/\w+(?:/\w+)+)`", read(ROOT / "docs" / "notation.md")))
-    assert named == {item.path for item in (*STATE, *ENDS, *MATERIAL, *LOADS, *SPECTRUM, *BRANCH)}
+    assert named == {item.path for item in (*STATE, *ENDS, *MATERIAL, *LOADS, *SPECTRUM, *BRANCH, *CONTACTS)}
 
 
 def test_statuses_are_listed() -> None:

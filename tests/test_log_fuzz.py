@@ -332,7 +332,7 @@ def test_a_run_of_a_newer_format_is_left_alone(forged, made):
     ):
         result = ribbon(*words)
         assert result.exit_code == 4
-        assert "run of format 2.0, this is 1.3: update ribbon" in result.stderr
+        assert "run of format 2.0, this is 1.4: update ribbon" in result.stderr
     assert files(forged) == before
 
 
@@ -341,7 +341,7 @@ def test_a_state_of_a_newer_format_is_not_put_aside(forged):
     path.write_bytes(b"ribbon-state 2.0 xxh3 0123\n")
     result = ribbon("repair", "forged")
     assert result.exit_code == 4
-    assert "written in format 2.0, newer than 1.3: update ribbon" in result.stderr
+    assert "written in format 2.0, newer than 1.4: update ribbon" in result.stderr
     assert path.exists()
 
 

@@ -127,7 +127,7 @@ def test_datasets_and_attributes_that_come_and_go_are_told(doctored) -> None:
     told = found(*doctored)
     assert [row[1] for row in told["dataset"]] == ["/certificate/message", "/state/new"]
     assert [row[2].split(":")[0] for row in told["dataset"]] == ["removed", "added"]
-    assert ("/@format_version", '"1.3" -> "9.9"') in [row[1:] for row in told["attribute"]]
+    assert ("/@format_version", '"1.4" -> "9.9"') in [row[1:] for row in told["attribute"]]
 
 
 @pytest.mark.long

@@ -90,7 +90,7 @@ def test_newer_major_version_is_refused_and_newer_minor_read(path):
     assert decode(path).label == 1
     with h5py.File(path, "r+") as file:
         file.attrs["format_version"] = np.bytes_("2.0")
-    refused(path, r"format 2.0, newer than 1.3: update ribbon")
+    refused(path, r"format 2.0, newer than 1.4: update ribbon")
 
 
 @pytest.mark.parametrize("version", ["", "one", "x" * 300])

@@ -15,12 +15,13 @@ import h5py
 import numpy as np
 import pytest
 from format_tables import dimensions_markdown, layout_markdown
-from store_support import make_record, make_spectrum
+from store_support import make_contacts, make_record, make_spectrum
 
 from ribbon_cli.parts import Ends, Loads, Material
 from ribbon_cli.store import (
     BranchRecord,
     BranchSummary,
+    Contacts,
     SpectrumRecord,
     StateRecord,
     Summary,
@@ -30,7 +31,7 @@ from ribbon_cli.store import (
     write_atomic,
 )
 from ribbon_cli.store.hdf5 import _blank, decode_bytes
-from ribbon_cli.store.layout import BRANCH, DIMENSIONS, ENDS, LOADS, MATERIAL, SPECTRUM, STATE
+from ribbon_cli.store.layout import BRANCH, CONTACTS, DIMENSIONS, ENDS, LOADS, MATERIAL, SPECTRUM, STATE
 from ribbon_cli.store.record import REACTIONS
 
 OF_STRIPS = ("bending_energy", "lambda_end", *REACTIONS)
@@ -44,6 +45,8 @@ def assert_same(a: object, b: object) -> None:
             assert x.dtype == y.dtype
             assert x.shape == y.shape
             assert x.tobytes() == y.tobytes()
+        elif isinstance(x, Contacts):
+            assert_same(x, y)
         elif field.name == "spectra":
             assert len(x) == len(y)
             for s, t in zip(x, y, strict=True):
@@ -72,6 +75,8 @@ def stored(tmp_path):
         {"parent": 7, "parent_ref": "möbius:3", "events": (), "spectra": (), "provenance": {}, "message": ""},
         {"spectra": (make_spectrum(np.random.default_rng(0), 10, "euclidean", k=6, m=2),)},
         {"provenance": {"version_numpy": "2.0", "bytes": 2**40, "seconds": 1e-300, "empty": ""}},
+        {"contacts": make_contacts()},
+        {"contacts": make_contacts(0)},
     ],
 )
 def test_round_trip_is_exact(stored, changes):
@@ -143,7 +148,7 @@ def test_root_attributes_and_description_of_every_dataset(stored):
     path = stored(record)
     with h5py.File(path) as file:
         assert file.attrs["format"] == b"ribbon-state"
-        assert file.attrs["format_version"] == b"1.3"
+        assert file.attrs["format_version"] == b"1.4"
         assert file.attrs["content_sha256"].decode() == content_sha256(record)
         paths = []
 
@@ -169,9 +174,11 @@ def test_root_attributes_and_description_of_every_dataset(stored):
 
 def test_table_covers_every_field_of_the_records():
     state = {item.field for item in STATE} | {"spectra", "branch", "provenance", "event_kinds", "parts"}
+    state |= {"contacts"}
     assert state == {field.name for field in fields(StateRecord)}
     assert {item.field for item in SPECTRUM} | {"metric"} == {field.name for field in fields(SpectrumRecord)}
     assert {item.field for item in BRANCH} == {field.name for field in fields(BranchRecord)}
+    assert [item.field for item in CONTACTS] == [field.name for field in fields(Contacts)]
     for items, kind in ((ENDS, Ends), (MATERIAL, Material), (LOADS, Loads)):
         assert [item.field for item in items] == [field.name for field in fields(kind)]
     assert all(
@@ -258,6 +265,7 @@ def test_summaries_have_the_fields_that_the_layout_marks():
     assert [field.name for field in fields(Summary)] == [
         *(*marked, "event_kinds", "branch", "content_sha256"),
         *("others", "bending_energy", *REACTIONS),
+        *("contacts", "contact_force", "contact_gap", "penetration"),
     ]
     on_branch = [item.field for item in BRANCH if item.summary]
     assert [field.name for field in fields(BranchSummary)] == [*on_branch, "parameter"]

@@ -118,13 +118,18 @@ def _multipliers(record: StateRecord) -> Multipliers:
 
 
 def _check_free(record: StateRecord, name: str) -> None:
-    """Raise UsageError for a strip with ends, an open seam or prescribed rulings, or one that went wrong."""
+    """Raise UsageError for a strip with ends, an open seam, prescribed rulings or contacts that push, or one
+    that went wrong.
+    """
     if record.parts.ends is not None:
         raise UsageError(f"{name}: a strip with ends: the continuum's equations are those of closed bands")
     if not all(
         np.isfinite(values).all() for values in (record.u, record.g, record.xi, multipliers_of(record))
     ):
         raise UsageError(f"{name}: holds values that are not finite ({record.status}): there is no shape")
+    if record.contacts is not None and len(record.contacts):
+        held = f"{name}: rests on itself with {len(record.contacts)} contacts"
+        raise UsageError(f"{held}: the continuum's equations here are those without contact forces")
     if record.kind == "auxiliary":
         raise UsageError(f"{name}: auxiliary, with prescribed rulings: the continuum is that of free bands")
 

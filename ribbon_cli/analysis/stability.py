@@ -6,7 +6,7 @@ block reduction's inertia counts the same. Everything is computed from the store
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
@@ -20,12 +20,14 @@ from ..model.symmetry import Symmetry, SymmetryGroup, find_symmetries
 from ..parts import HALF_WIDTH
 from ..report.spectra import Counts, Element, Group, Mode, StateSpectrum
 from ..solver.inertia import Inertia, inertia
-from ..solver.kkt import FactorisationError, KKTMatrix
+from ..solver.kkt import FactorisationError
 from ..solver.newton import Options, inverted_facets
+from ..solver.resting_kkt import kkt_matrix
 from ..solver.spectra import Spectrum, full_spectra, lowest_spectrum
+from ..solver.status import Status
 from ..store import StateRecord, content_sha256
 from ..store.npz import UNKNOWN
-from ..study.records import multipliers_of, state_of
+from ..study.records import all_multipliers_of, problem_with, state_of
 from .verdict import Verdict, judge
 
 DEFAULT_METRIC = "physical"
@@ -63,15 +65,16 @@ def stability_of(
 ) -> Stability:
     """The lowest `modes` besides rotations of a stored state, or all of them if `full`, and the verdict.
 
+    Modes of a band that rests on itself keep its contacts, with what their forces add to the Hessian.
     Raises UsageError for an unknown metric, for auxiliary states and for a full spectrum of too many
     segments; TargetError where the eigenvalues do not converge.
     """
     _check(record, metric, modes, full)
     state = state_of(record)
-    problem, x = Problem(state.band), state.vector()
-    local = problem.local_derivatives(x, multipliers_of(record))
+    problem, x = problem_with(record, Problem(state.band)), state.vector()
+    local = problem.local_derivatives(x, all_multipliers_of(record))
     try:
-        counted = inertia(KKTMatrix(problem, local, problem.rotations(x)))
+        counted = inertia(kkt_matrix(problem, local, problem.rotations(x)))
         if full:
             (spectrum,) = full_spectra(problem, x, local, (metric,), 2 * problem.band.segments)
         else:
@@ -94,7 +97,7 @@ def stability_of(
         )
         for k, label in enumerate(spectrum.labels)
     )
-    verdict = judge(found, counted, _doubts(record, problem, x), spectrum.complete)
+    verdict = _with_contacts(record, judge(found, counted, _doubts(record, problem, x), spectrum.complete))
     return Stability(
         state=state,
         metric=metric,
@@ -114,7 +117,7 @@ def _check(record: StateRecord, metric: str, modes: int, full: bool) -> None:
         raise UsageError(f"no metric {metric!r}: there are {', '.join(METRICS)}")
     if modes < 1:
         raise UsageError(f"the number of modes must be at least 1, got {modes}")
-    given = (record.u, record.g, record.xi, multipliers_of(record))
+    given = (record.u, record.g, record.xi, all_multipliers_of(record))
     if record.kind != "auxiliary" and not all(np.isfinite(values).all() for values in given):
         raise UsageError(
             f"state {record.label} holds values that are not finite ({record.status}): it has no spectrum"
@@ -212,7 +215,17 @@ def _doubts(record: StateRecord, problem: Problem, x: Array) -> list[str]:
             doubts.append(f"the state is not stationary ({name} {residual:.1e}, tolerance {tolerance:.0e})")
     if (inverted_facets(problem, x) <= 0).any():
         doubts.append("a facet is turned inside out")
+    if record.contacts is not None and record.status in (Status.UNDECIDED.value, Status.GAP_LOST.value):
+        doubts.append(f"so is the certificate with contact: {record.message.rstrip('.')}")
     return doubts
+
+
+def _with_contacts(record: StateRecord, verdict: Verdict) -> Verdict:
+    """The verdict, which holds for moves that keep all contacts."""
+    if record.contacts is None or not len(record.contacts):
+        return verdict
+    kept = f"modes keep the {len(record.contacts)} contact{'s' * (len(record.contacts) > 1)}"
+    return replace(verdict, sentence=f"{verdict.sentence}; {kept}")
 
 
 def told_of(record: StateRecord, found: Stability, run: str | None) -> StateSpectrum:

@@ -81,12 +81,14 @@ def _counts(states: Sequence[Summary], stored: int, lost: int) -> str:
     if not states:
         return f"no equilibria, {stored} other states"
     certified = sum(state.certified for state in states)
-    meeting = sum(state.self_contact for state in states)
+    meeting = sum(map(export.words.meets_unheld, states))
+    resting = sum(state.self_contact for state in states) - meeting
     widths = sorted({state.half_width for state in states})
     meshes = sorted({state.segments for state in states})
     words = [
         f"{certified} of {len(states)} equilibria certified",
-        f"{meeting} in self-contact without forces" if meeting else "none in self-contact",
+        f"{meeting} in self-contact without forces" if meeting else "" if resting else "none in self-contact",
+        f"{resting} at rest on themselves" if resting else "",
         f"{lost} with files lost or damaged" if lost else "",
         f"b = {_span(widths)}",
         f"N = {_span(meshes)}",

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 
 from ribbon_cli import api, study
 from ribbon_cli.api.extras import extra
-from ribbon_cli.config import STOPS, Arclength
+from ribbon_cli.config import CONTACT_KINDS, FORCES, STOPS, Arclength, ContactRequest
 from ribbon_cli.errors import UsageError
+from ribbon_cli.expression import ExpressionError, evaluate
 from ribbon_cli.pages import html
 from ribbon_cli.pages.columns import OF_STATES, contact, listing
 from ribbon_cli.parts import HALF_WIDTH, PARAMETERS
@@ -68,6 +69,26 @@ def request(
         switch=switch or 0,
         parameter=name,
     )
+
+
+def contact_request(asked: str | None) -> ContactRequest | None:
+    """What `ribbon continue --contact` asks for: `forces`, `gap=0.02` or `record`. Raises UsageError."""
+    if asked is None:
+        return None
+    kinds = tuple(kind for kind in CONTACT_KINDS if kind != "stop")
+    if asked in kinds:
+        return ContactRequest(asked)
+    name, equals, text = asked.partition("=")
+    if name != "gap" or not equals:
+        known = ("forces", "gap=0.02", "record")
+        raise UsageError(f"--contact: must be {', '.join(known)}, got {asked!r}{suggest(asked, kinds)}")
+    try:
+        gap = evaluate(text)
+    except ExpressionError as error:
+        raise UsageError(f"--contact: gap must be a number such as 0.02, got {text!r} ({error})") from error
+    if gap < 0.0:
+        raise UsageError(f"--contact: gap must be at least 0, got {gap:g}")
+    return ContactRequest(FORCES, abs(gap))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -133,5 +154,5 @@ _POINTS = {
 
 def _contacts(course: study.Course) -> str:
     """A note on the points of a branch at which the band meets itself."""
-    meeting = sum(point.self_contact for point in course.points)
+    meeting = sum(point.self_contact and point.contacts is None for point in course.points)
     return f" ({meeting} of them in self-contact without forces)" if meeting else ""

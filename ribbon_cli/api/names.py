@@ -12,6 +12,7 @@ PLOT_KINDS = (
     "family",
     "mode",
     "pattern",
+    "contacts",
     "table",
     "shapes",
 )

@@ -14,7 +14,7 @@ from ribbon_cli import export as exports
 from ribbon_cli.api import display
 from ribbon_cli.api.drawing import Named, figure_of
 from ribbon_cli.api.exporting import Exported, export_to
-from ribbon_cli.api.following import Followed, request
+from ribbon_cli.api.following import Followed, contact_request, request
 from ribbon_cli.api.watching import Watcher, watched
 from ribbon_cli.errors import RibbonWarning, TargetError, UsageError
 from ribbon_cli.store import Run, StateRecord
@@ -122,11 +122,13 @@ class OpenState(StateRecord):
         max_step: float | None = None,
         steps: int | None = None,
         switch: int | None = None,
+        contact: str | None = None,
         progress: Watcher = None,
     ) -> Followed:
         """Continue the state to the half-width `to`, as by `ribbon continue`; the states join the run.
 
-        With `in_`, `to` is a value of that parameter ("twist").
+        With `in_`, `to` is a value of that parameter ("twist"). `contact` is "forces", for a band that rests
+        on itself, "gap=0.02", or "record"; None: as the state has it.
         Without `arclength` it goes from minimum to minimum, and ends at the first fold. The options are those
         of the command. The same call resumes. Warns of a branch that breaks off. Raises
         UsageError, StoreError, LockedError.
@@ -135,7 +137,13 @@ class OpenState(StateRecord):
         wanted = request(to, arclength, back_to, both, at, stop_at, max_step, steps, switch, in_)
         with watched(progress) as shown:
             outcome = study.continue_state(
-                run.path.parent, str(self.path), wanted, natural=not arclength, progress=shown, argv=sys.argv
+                run.path.parent,
+                str(self.path),
+                wanted,
+                natural=not arclength,
+                contact=contact_request(contact),
+                progress=shown,
+                argv=sys.argv,
             )
         for failure in outcome.failures:
             warnings.warn(f"{run.name}: {failure}", RibbonWarning, stacklevel=2)

@@ -12,7 +12,7 @@ from ribbon_cli.report.rows import Column, Rows
 from ribbon_cli.store import Run, Summary
 from ribbon_cli.store.layout import BRANCH, STATE
 from ribbon_cli.store.record import REACTIONS
-from ribbon_cli.store.summaries import varying
+from ribbon_cli.store.summaries import OF_CONTACTS, varying
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -57,7 +57,8 @@ def flat(state: Summary, run: str) -> dict[str, Any]:
 
 def column_types(states: Sequence[Summary]) -> dict[str, tuple[str, bool]]:
     """Columns of flat summaries in the order of `ribbon ls --json`, each with its type and whether values may
-    be absent; those of branches where a state is on one, and of parameters that vary.
+    be absent; those of branches where a state is on one, of contact forces where one has some, and of
+    parameters that vary.
     """
     branches = any(state.branch for state in states)
     own = {item.field: item for item in STATE if item.summary}
@@ -68,6 +69,8 @@ def column_types(states: Sequence[Summary]) -> dict[str, tuple[str, bool]]:
     rows |= {f"parameter_{name}": ("float64", True) for name in varying(states)}
     if any(state.reaction_force for state in states):
         rows |= {f"{name}_{axis}": ("float64", True) for name in REACTIONS for axis in "xyz"}
+    if any(state.with_forces for state in states):
+        rows |= {name: (dtype, True) for name, dtype in OF_CONTACTS.items()}
     return {"run": ("utf-8", False), **rows, "content_sha256": ("utf-8", False)}
 
 

@@ -201,6 +201,7 @@ complete_status = _candidates(
 )
 complete_kind = _candidates(lambda ctx, _: store.KINDS)
 complete_parameter = _candidates(lambda ctx, _: PARAMETERS)
+complete_contact = _candidates(lambda ctx, _: ("forces", "record"))
 complete_template = _candidates(lambda ctx, _: config.templates())
 complete_file = _candidates(lambda ctx, _: (), "file")
 complete_folder = _candidates(lambda ctx, _: (), "dir")

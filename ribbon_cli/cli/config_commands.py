@@ -96,7 +96,7 @@ def _show_plan(settings: Settings, config: configs.Config) -> None:
     """Print what `ribbon solve` will do with a config."""
     band = study.given_band(config, settings.root, teller(settings))
     plan = study.plan_of(config, None if band is None else (band.half_width, band.segments))
-    run = f"{config.name}-{config.hash8()}"
+    run, notes = f"{config.name}-{config.hash8()}", [*plan.notes, *_on_contact(config.contact)]
     if settings.json:
         document = {
             "valid": True,
@@ -105,7 +105,7 @@ def _show_plan(settings: Settings, config: configs.Config) -> None:
             "config": config.resolved(),
             "stages": [asdict(stage) for stage in plan.stages],
             "cost_seconds": plan.cost,
-            "notes": list(plan.notes),
+            "notes": notes,
         }
         emit_json(document)
         return
@@ -113,5 +113,13 @@ def _show_plan(settings: Settings, config: configs.Config) -> None:
         f"{config.path}: valid, run {run}\n\n{plan_table(plan.stages, settings.verbose)}\n\n"
         f"{len(plan.stages)} stage{'s' * (len(plan.stages) != 1)}, about {duration(plan.cost)} on one core"
     )
-    for note in plan.notes:
+    for note in notes:
         say(settings, note)
+
+
+def _on_contact(contact: configs.ContactRequest) -> list[str]:
+    """A note where contact forces are on."""
+    if not contact.forces:
+        return []
+    apart = f"at least {contact.gap:.10g} apart" if contact.gap else "which may touch (a gap of 0)"
+    return [f"contact forces are on: the band may rest on itself, with facets {apart}"]

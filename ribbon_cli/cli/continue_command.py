@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from typing import Any
 
 import click
 
 from ribbon_cli import api, store, study
-from ribbon_cli.cli.completion import complete_parameter, complete_state
+from ribbon_cli.cli.completion import complete_contact, complete_parameter, complete_state
 from ribbon_cli.cli.numbers import finite, positive, several, whole
 from ribbon_cli.cli.progress import progress
 from ribbon_cli.cli.render import branch_text
@@ -43,26 +42,40 @@ _STOPS = ("fold", "stability-lost", "contact")
     callback=whole(0),
     help="Also follow branches that cross this one, to the depth K.",
 )
+@click.option(
+    "--contact",
+    metavar="KIND",
+    shell_complete=complete_contact,
+    help="forces, or gap=G: let the band rest on itself, its facets at least G apart.",
+)
 @common_options
 @pass_settings
-def continue_(settings: Settings, /, state: str, **asked: Any) -> int:
+def continue_(settings: Settings, /, state: str, contact: str | None, **asked: Any) -> int:
     """Continue a stored STATE in width or in another parameter.
 
     The results are added to its run. With --in, as in --in twist --to pi, B is a value of that parameter.
+
+    With --contact the band may come to rest on itself; without it, contact is as at STATE.
 
     The same command resumes. Without --arclength, each value is reached from the one before, and the
     continuation ends at the first fold. Unstable points on a branch are not failures; the exit code is 3 if
     even the shortest step fails.
     """
-    wanted = api.following.request(**asked)
+    wanted, forces = api.following.request(**asked), api.following.contact_request(contact)
     settings.commits = True
     with progress(settings) as shown:
         outcome = study.continue_state(
-            settings.root, state, wanted, natural=not asked["arclength"], progress=shown, argv=settings.argv
+            settings.root,
+            state,
+            wanted,
+            natural=not asked["arclength"],
+            contact=forces,
+            progress=shown,
+            argv=settings.argv,
         )
     first: study.Course = outcome.branches[0]
     document = {
-        "points": [asdict(point) for point in first.points],
+        "points": [point.to_dict() for point in first.points],
         "end": {
             "reason": first.reason,
             "half_width": first.half_width,

@@ -6,11 +6,11 @@ Everything here turns plain values into text and computes nothing.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from ribbon_cli import digits, study, sweeps
-from ribbon_cli.export.words import MEETS_ITSELF, linking_name
+from ribbon_cli.export.words import linking_name, meeting
 from ribbon_cli.parts import HALF_WIDTH, PARAMETERS
 from ribbon_cli.store import StateRecord, Summary, varying
 from ribbon_cli.store.events import Event, Removed
@@ -65,13 +65,14 @@ def energy(value: float | None) -> str:
     return MISSING if value is None or math.isnan(value) else digits.energy(value)
 
 
-def _figures(state: Summary) -> list[str]:
-    """Energy, status, linking number, contact, residuals and certificate of a state."""
+def _figures(state: Summary, heads: Sequence[str]) -> list[str]:
+    """Energy, status, linking number, contact, residuals and certificate of a state, as `heads` name them."""
     return [
         energy(state.energy),
         status_in_words(state),
         _linking_number(state.linking_number),
-        "yes" if state.self_contact else "no",
+        _contact(state.self_contact, state.contacts),
+        *([number(state.contact_force, ".6g")] if _FORCE in heads else []),
         number(state.kkt_residual, ".1e"),
         number(state.constraint_residual, ".1e"),
         "yes" if state.certified else "no",
@@ -86,9 +87,15 @@ def status_in_words(state: Summary | StateRecord) -> str:
 
 
 def certificate_in_words(state: Summary | StateRecord) -> str:
-    """Whether a state is certified, and if so whether its band meets itself, which a certificate allows."""
-    word = _plain(state.certified)
-    return f"{word}, {MEETS_ITSELF}" if state.self_contact else word
+    """Whether a state is certified, and how its band meets itself, which a certificate allows."""
+    return ", ".join(filter(None, [_plain(state.certified), meeting(state)]))
+
+
+def _contact(meets: bool, contacts: int | None) -> str:
+    """Whether a band meets itself; with contact forces, on how many contacts it rests."""
+    if not meets or not contacts:
+        return "yes" if meets else "no"
+    return f"at {contacts}"
 
 
 def _linking_number(value: float | None) -> str:
@@ -96,26 +103,28 @@ def _linking_number(value: float | None) -> str:
     return MISSING if value is None else f"{round(value, 4) + 0.0:g}"
 
 
-_FIGURES = ("E", "status", "Lk", "contact", "gradient", "constraint", "certificate")
+_FORCE = "force"
+_FIGURES = ("E", "status", "Lk", "contact", _FORCE, "gradient", "constraint", "certificate")
 
 
-def _heads(states: Iterable[Summary]) -> list[str]:
-    """Names of the figures of states."""
-    name = linking_name(states)
-    return [name if head == "Lk" else head for head in _FIGURES]
+def _heads(states: Collection[Summary]) -> list[str]:
+    """Names of the figures of states; forces where some were computed with contact forces."""
+    name, forced = linking_name(states), any(state.with_forces for state in states)
+    return [name if head == "Lk" else head for head in _FIGURES if head != _FORCE or forced]
 
 
 def states_table(states: Sequence[Summary], kinds: bool) -> str:
     """The states of a run, with the parameters that they differ in, and with kind and stage if `kinds`."""
     moved = varying(states)
-    heads = ["label", "b", *moved, "N", *_heads(states), *(("kind", "stage") if kinds else ())]
+    figures = _heads(states)
+    heads = ["label", "b", *moved, "N", *figures, *(("kind", "stage") if kinds else ())]
     rows = (
         [
             str(state.label),
             number(state.half_width, ".10g"),
             *(number(state.parameters.get(name), ".10g") for name in moved),
             str(state.segments),
-            *_figures(state),
+            *_figures(state, figures),
             *((state.kind, state.stage) if kinds else ()),
         ]
         for state in states
@@ -125,17 +134,17 @@ def states_table(states: Sequence[Summary], kinds: bool) -> str:
 
 def targets_table(targets: Iterable[study.Target], states: Mapping[int, Summary]) -> str:
     """The result for each target; `states` holds the summaries by label. Other parameters stand beside b."""
-    rows, targets = [], list(targets)
+    rows, targets, heads = [], list(targets), _heads(states.values())
     named = any(target.place for target in targets)
     for target in targets:
         state = None if target.label is None else states.get(target.label)
         word = "beyond contact" if target.beyond else "not reached"
-        empty = [MISSING, word, *[MISSING] * (len(_FIGURES) - 2)]
-        figures = empty if state is None else _figures(state)
+        empty = [MISSING, word, *[MISSING] * (len(heads) - 2)]
+        figures = empty if state is None else _figures(state, heads)
         label = MISSING if target.label is None else str(target.label)
         place = target.where if named else number(target.half_width, ".10g")
         rows.append([place, str(target.segments), label, *figures])
-    return columns(["place" if named else "b", "N", "label", *_heads(states.values())], rows)
+    return columns(["place" if named else "b", "N", "label", *heads], rows)
 
 
 def branch_text(course: study.Course) -> str:
@@ -149,10 +158,12 @@ def branch_text(course: study.Course) -> str:
 def branch_table(course: study.Course) -> str:
     """The points of a branch: label, type, its parameter, E, index, lowest eigenvalue, Lk and contact.
 
-    For a strip, Tw + Wr takes the place of Lk, and there is no sliding.
+    For a strip, Tw + Wr takes the place of Lk, and there is no sliding. Contact forces have a column where
+    there are some.
     """
     name = course.parameter
     strips = any("gravity" in point.parameters for point in course.points)
+    forced = any(point.contacts is not None for point in course.points)
     rows = (
         [
             str(point.label),
@@ -163,13 +174,15 @@ def branch_table(course: study.Course) -> str:
             number(point.lowest_eigenvalue, ".3e"),
             *([] if strips else [number(point.sliding_overlap, ".2f")]),
             _linking_number(point.linking_number),
-            "yes" if point.self_contact else "no",
+            _contact(point.self_contact, point.contacts),
+            *([number(point.contact_force, ".6g")] if forced else []),
             point.status,
         ]
         for point in course.points
     )
     turns = ["Tw+Wr"] if strips else ["sliding", "Lk"]
-    heads = ["label", "type", PARAMETERS[name].symbol, "E", "index", "lowest", *turns, "contact", "status"]
+    contact = ("contact", _FORCE) if forced else ("contact",)
+    heads = ["label", "type", PARAMETERS[name].symbol, "E", "index", "lowest", *turns, *contact, "status"]
     return columns(heads, rows)
 
 

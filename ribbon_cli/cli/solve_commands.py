@@ -99,7 +99,7 @@ def conclude(
             {"run": run.name, "path": str(run.path)}
             | {"exit_code": outcome.exit_code, "new_states": outcome.new_states}
             | document
-            | {"branches": [asdict(course) for course in outcome.branches]}
+            | {"branches": [course.to_dict() for course in outcome.branches]}
             | {"notes": list(outcome.notes), "failures": list(outcome.failures)}
         )
     else:

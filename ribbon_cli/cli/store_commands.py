@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import asdict
 from typing import Any
 
 import click
@@ -17,6 +16,7 @@ from ribbon_cli.cli.render import (
     counts_text,
     history_lines,
     listing,
+    number,
     points_table,
     runs_table,
     states_table,
@@ -143,6 +143,7 @@ def _show_state(settings: Settings, ref: str) -> None:
     document = {
         **store.Summary.of(record).listed(run.name if run else None),
         "path": str(path),
+        **({} if record.contacts is None else {"contact_pairs": _contact_pairs(record.contacts)}),
         "spectra": _spectra(record),
         "provenance": dict(record.provenance),
     }
@@ -153,9 +154,23 @@ def _show_state(settings: Settings, ref: str) -> None:
     words = {"status": status_in_words(record), "certified": certificate_in_words(record)}
     del document["event_kinds"]  # people read the events' sentences
     shown = document | words | {"provenance": facts}
+    if record.contacts is not None and not len(record.contacts):
+        del shown["contact_pairs"]
+    elif record.contacts is not None:
+        forces = zip(record.contacts.names(), record.contacts.force.tolist(), strict=True)
+        shown["contact_pairs"] = {name: f"force {number(force, '.6g')}" for name, force in forces}
     # Between separated ends no curves are linked: what is stored is Tw + Wr.
     names = {"linking_number": "twist_plus_writhe"} if record.parts.ends is not None else {}
     emit(listing({names.get(key, key): value for key, value in shown.items()}))
+
+
+def _contact_pairs(contacts: store.Contacts) -> list[dict[str, Any]]:
+    """Each contact for a program: its features (kind and number, from 0), force and gap."""
+    columns = {
+        "pair": contacts.names(),
+        **{name: getattr(contacts, name).tolist() for name in ("first", "second", "sign", "force", "value")},
+    }
+    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
 
 def _spectra(record: store.StateRecord) -> dict[str, Any]:
@@ -181,7 +196,7 @@ def _show_run(settings: Settings, ref: str) -> None:
     branches, document = study.courses(run), facts.to_dict() | {"config": str(run.path / "config.yaml")}
     if settings.json:
         history = {"history": [event.document for event in events]}
-        emit_json(document | history | {"branches": [asdict(course) for course in branches]})
+        emit_json(document | history | {"branches": [course.to_dict() for course in branches]})
     else:
         numbered = (f"{k}. {branch_text(course)}" for k, course in enumerate(branches, start=1))
         emit("\n\n".join([listing({**document, "history": history_lines(events)}), *numbered]))

@@ -13,9 +13,12 @@ from .sweep_types import Sweep as Sweep
 from .template_files import about_template as about_template
 from .template_files import template as template
 from .template_files import templates as templates
+from .types import CONTACT_KINDS as CONTACT_KINDS
+from .types import FORCES as FORCES
 from .types import STOPS as STOPS
 from .types import Arclength as Arclength
 from .types import Config as Config
+from .types import ContactRequest as ContactRequest
 from .types import Guess as Guess
 from .types import Leg as Leg
 from .types import Refinement as Refinement

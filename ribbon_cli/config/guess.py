@@ -32,6 +32,18 @@ def initial_guess(reader: Reader, node: Node | None, half_twists: Topology, fold
     return _recipe(reader, node, given.get("recipe", ""), half_twists)
 
 
+def report_unheld(reader: Reader, node: Node | None, guess: Guess, forces: bool) -> None:
+    """Report a recipe whose band rests on itself where contact forces are off."""
+    card = RECIPES.get(guess.recipe)
+    if forces or node is None or card is None or not card.resting:
+        return
+    where = next(
+        value for key, value in zip(node.items[::2], node.items[1::2], strict=True) if key.text == "recipe"
+    )
+    message = f"{card.name} rests on itself from the beginning: it needs contact: forces"
+    reader.report(where, "initial_guess.recipe", message)
+
+
 def _recipe(reader: Reader, node: Node, named: str, half_twists: Topology) -> Guess:
     """A recipe with its settings; for an unknown recipe, the settings of all recipes are accepted."""
     name = named if named in RECIPES else ""

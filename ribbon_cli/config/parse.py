@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ribbon_cli.config import sections, strips
 from ribbon_cli.config.document import MAX_BYTES, Node, position, read_document
-from ribbon_cli.config.guess import initial_guess
+from ribbon_cli.config.guess import initial_guess, report_unheld
 from ribbon_cli.config.mistakes import Mistakes, near_miss, shown
 from ribbon_cli.config.reader import Reader
 from ribbon_cli.config.schedule import half_widths_of, schedule
@@ -83,8 +83,13 @@ def config_of(root: Node, mistakes: Mistakes, text: str, path: str) -> Config:
     spectrum = SpectrumRequest()
     if "spectrum" in top:
         spectrum = SpectrumRequest(**reader.section(top["spectrum"], "spectrum", SPECTRUM).values())
-    discretisation, contact = found.read("discretisation"), found.read("contact")
-    if mistakes.found or kind is None or reader.length is None or widths is None or parts is None:
+    discretisation = found.read("discretisation")
+    contact = sections.contact(reader, top.get("contact"))
+    if contact is not None:
+        report_unheld(reader, top.get("initial_guess"), guess, contact.forces)
+    if mistakes.found or kind is None or reader.length is None or widths is None:
+        raise mistakes.error()
+    if parts is None or contact is None:
         raise mistakes.error()
     return Config(
         name=name,

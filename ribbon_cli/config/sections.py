@@ -12,10 +12,13 @@ from itertools import combinations, pairwise
 from typing import Any
 
 from ribbon_cli.config.document import Node
+from ribbon_cli.config.mistakes import near_miss
 from ribbon_cli.config.reader import Found, Reader, got
 from ribbon_cli.config.table import (
     ARCLENGTH,
     BRANCH,
+    CONTACT,
+    GAP,
     LEVEL_LIST,
     LEVELS_AT,
     RANGE,
@@ -23,7 +26,7 @@ from ribbon_cli.config.table import (
     WIDTH_LIST,
     WIDTHS,
 )
-from ribbon_cli.config.types import Arclength, Guess, Refinement
+from ribbon_cli.config.types import CONTACT_KINDS, FORCES, Arclength, ContactRequest, Guess, Refinement
 from ribbon_cli.facts import same_value, same_width
 from ribbon_cli.parts import HALF_WIDTH
 
@@ -140,3 +143,17 @@ def _refined_widths(reader: Reader, items: ListItems, known: tuple[float, ...] |
         else:
             chosen[nearest] = None
     return tuple(chosen)
+
+
+def contact(reader: Reader, node: Node | None) -> ContactRequest | None:
+    """What is done where the band meets itself; None where it is wrong."""
+    if node is None:
+        return ContactRequest()
+    if node.kind == "mapping":
+        gap = reader.section(node, "contact", GAP).read("gap")
+        return None if gap is None else ContactRequest(FORCES, abs(gap))
+    if node.kind != "scalar" or not near_miss(node.text, CONTACT_KINDS):
+        reader.wrong(node, "contact", f"must be {CONTACT.expected}")
+        return None
+    kind = reader.read(node, "contact", CONTACT.kinds[0])
+    return None if kind is None else ContactRequest(kind)

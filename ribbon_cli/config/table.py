@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from ribbon_cli.config.types import METRICS, STOPS, Arclength, SpectrumRequest
+from ribbon_cli.config.types import CONTACT_KINDS, METRICS, STOPS, Arclength, SpectrumRequest
 from ribbon_cli.keys import (
     HALF_WIDTH,
     SEGMENTS,
@@ -156,6 +156,12 @@ SPECTRUM = Section((
     Key("metrics", Items(Word(METRICS), len(METRICS), once=True), "metrics of the spectra",
         SpectrumRequest.metrics),
 ))
+GAP = Section((
+    Key("gap", Number(above=None, unit="length"),
+        "least distance of facets that rest on each other, for instance the thickness of the paper",
+        required="the least distance of facets, as {gap: 0.02}"),
+), about="contact forces at a least distance")
+CONTACT = Either((Word(CONTACT_KINDS), GAP), "record, stop, forces or {gap: 0.02}")
 CONFIG = Section((
     Key("name", NAME, "name of the run", otherwise="the file's stem"),
     Key("topology", Either((TOPOLOGY, Word(("open",)))), "kind of closed band; or an open strip",
@@ -187,6 +193,7 @@ CONFIG = Section((
         "widths that are refined", otherwise="the guess's N",
         examples=([50, 100, 200], {"levels": [50, 100, 200], "at": [0.5]})),
     Key("spectrum", SPECTRUM, "how much of the eigen-spectrum to store"),
-    Key("contact", Word(("record", "stop")), "when the band meets itself: record it and continue, or stop",
-        "record"),
+    Key("contact", CONTACT,
+        "when the band meets itself: record it and go on, stop, or let it rest on itself with forces, at a "
+        "gap of zero or a given one", "record"),
 ))

@@ -62,6 +62,35 @@ class SpectrumRequest:
     metrics: tuple[str, ...] = METRICS
 
 
+@dataclass(frozen=True)
+class ContactRequest:
+    """What is done where a band meets itself.
+
+    `kind` is `record` (note it and go on through), `stop`, or `forces`: the band rests on itself, its
+    features at least `gap` apart, in the unit of length.
+    """
+
+    kind: str = "record"
+    gap: float = 0.0
+
+    @property
+    def forces(self) -> bool:
+        """Whether contact forces are on."""
+        return self.kind == FORCES
+
+    @property
+    def in_words(self) -> str:
+        """As the command line spells it: `forces`, `gap=0.02`."""
+        return f"gap={self.gap:.12g}" if self.gap else self.kind
+
+    def said(self) -> str | dict[str, float]:
+        """In a config's own layout."""
+        return {"gap": self.gap} if self.gap else self.kind
+
+
+FORCES = "forces"
+CONTACT_KINDS = ("record", "stop", FORCES)
+"""What a config may ask for where a band meets itself."""
 STOPS = ("fold", "stability-lost", "contact")
 """Events at which a branch can be asked to stop."""
 
@@ -133,7 +162,7 @@ class Config:
     widths: tuple[float, ...]
     refinement: Refinement
     spectrum: SpectrumRequest
-    contact: str
+    contact: ContactRequest
     text: str
     path: str
     arclength: Arclength | None = None
@@ -197,7 +226,7 @@ class Config:
         if levels:
             part["refinement"] = levels if at is None else {"levels": levels, "at": list(at)}
         part["spectrum"] = vars(self.spectrum) | {"metrics": list(self.spectrum.metrics)}
-        part["contact"] = self.contact
+        part["contact"] = self.contact.said()
         return part
 
     def hash8(self) -> str:

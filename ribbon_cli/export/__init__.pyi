@@ -1,4 +1,6 @@
 from . import align as align
+from . import arrows as arrows
+from . import contacts as contacts
 from . import crossings as crossings
 from . import fields as fields
 from . import fold as fold

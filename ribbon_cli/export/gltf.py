@@ -13,6 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ribbon_cli.export.arrows import arrow_triangles, per_force
+from ribbon_cli.export.contacts import touching
 from ribbon_cli.export.mesh import ODD_FIELDS, facet_corners, facet_fields, facet_normals, node_fields, strip
 from ribbon_cli.store import StateRecord, Summary
 
@@ -22,22 +24,23 @@ MAGIC, VERSION, JSON_CHUNK, BINARY_CHUNK = b"glTF", 2, b"JSON", b"BIN\0"
 FLOAT, UNSIGNED_INT = 5126, 5125
 VERTICES, INDICES = 34962, 34963
 KINDS = {1: "SCALAR", 3: "VEC3"}
-PAPER = {
-    "name": "paper",
-    "doubleSided": True,
-    "pbrMetallicRoughness": {
-        "baseColorFactor": [0.91, 0.87, 0.78, 1.0],
-        "metallicFactor": 0.0,
-        "roughnessFactor": 0.9,
-    },
-}
+
+
+def _material(name: str, colour: tuple[float, float, float]) -> dict[str, Any]:
+    """A dull material that is seen from both sides."""
+    surface = {"baseColorFactor": [*colour, 1.0], "metallicFactor": 0.0, "roughnessFactor": 0.9}
+    return {"name": name, "doubleSided": True, "pbrMetallicRoughness": surface}
+
+
+PAPER = _material("paper", (0.91, 0.87, 0.78))
+FORCES = _material("forces", (0.45, 0.0, 0.02))
 
 
 def glb_bytes(record: StateRecord, title: str, run: str | None) -> bytes:
     """The surface as triangles, two a facet, in the unit of `length`; fields as attributes `_KAPPA_S` etc.
 
     The front is the side to which g x u points, as in OBJ and PLY. The same state has the same bytes. Raises
-    UsageError for a state with values that are not finite.
+    UsageError for a state with values that are not finite. Forces at contacts are a second mesh, of arrows.
     """
     n = record.segments
     corners = np.arange(4 * n).reshape(n, 4)
@@ -46,24 +49,52 @@ def glb_bytes(record: StateRecord, title: str, run: str | None) -> bytes:
         "NORMAL": np.repeat(facet_normals(record), 4, axis=0),
         **{f"_{name.upper()}": values for name, values in _fields(record).items()},
     }
-    blocks = [values.astype("<f4") for values in attributes.values()]
+    blocks: list[NDArray[Any]] = [values.astype("<f4") for values in attributes.values()]
     triangles = np.concatenate((corners[:, :3], corners[:, [0, 2, 3]]), axis=1).ravel().astype("<u4")
     extras = {"title": title, "state": Summary.of(record).listed(run)}
     numbers = {name: k for k, name in enumerate(attributes)}
     primitive = {"attributes": numbers, "indices": len(blocks), "material": 0}
+    nodes = [{"mesh": 0, "name": "band"}]
+    meshes = [{"name": "band", "primitives": [primitive]}]
+    materials = [PAPER]
+    blocks.append(triangles)
+    arrows = _arrows(record)
+    if len(arrows[0]):
+        first = len(blocks)
+        blocks += arrows
+        primitive = {
+            "attributes": {"POSITION": first, "NORMAL": first + 1},
+            "indices": first + 2,
+            "material": 1,
+        }
+        nodes.append({"mesh": 1, "name": "forces"})
+        meshes.append({"name": "forces", "primitives": [primitive]})
+        materials.append(FORCES)
     document = {
         "asset": {"version": "2.0", "generator": "ribbon", "extras": extras},
         "scene": 0,
-        "scenes": [{"nodes": [0]}],
-        "nodes": [{"mesh": 0, "name": "band"}],
-        "meshes": [{"name": "band", "primitives": [primitive]}],
-        "materials": [PAPER],
-        **_layout([*blocks, triangles]),
+        "scenes": [{"nodes": list(range(len(nodes)))}],
+        "nodes": nodes,
+        "meshes": meshes,
+        "materials": materials,
+        **_layout(blocks),
     }
     text = json.dumps(document, separators=(",", ":"), allow_nan=False).encode()
-    data = b"".join(block.tobytes() for block in (*blocks, triangles))
+    data = b"".join(block.tobytes() for block in blocks)
     chunks = _chunk(JSON_CHUNK, text, b" ") + _chunk(BINARY_CHUNK, data, b"\0")
     return MAGIC + _words(VERSION, 12 + len(chunks)) + chunks
+
+
+def _arrows(record: StateRecord) -> list[NDArray[Any]]:
+    """Positions, normals and indices of the triangles of a state's arrows; none without contacts."""
+    places, forces = touching(record).arrows
+    corners, normals = arrow_triangles(places, per_force([record]) * forces, record.length)
+    count = 3 * len(corners)
+    return [
+        corners.reshape(-1, 3).astype("<f4"),
+        np.repeat(normals, 3, axis=0).astype("<f4"),
+        np.arange(count).astype("<u4"),
+    ]
 
 
 def _fields(record: StateRecord) -> dict[str, Array]:

@@ -144,6 +144,8 @@ def remarks(record: StateRecord, body: Solid) -> tuple[Facts, list[str]]:
         why = "parts of the band are nearer to each other than the wall is thick, take a smaller --thickness"
         if record.self_contact:
             why = "the band passes through itself"
+            if record.contacts is not None and len(record.contacts):
+                why = "the band rests on itself, and its walls need room on both sides"
         words.append(f"warning: {crossing} pairs of triangles of the solid pass through each other: {why}")
     return facts, words
 

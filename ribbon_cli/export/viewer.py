@@ -17,7 +17,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ribbon_cli.export.align import turned_alike
+from ribbon_cli.export.align import turn_between, turned_alike
+from ribbon_cli.export.arrows import arrow_triangles, per_force
+from ribbon_cli.export.contacts import touching
 from ribbon_cli.export.fields import even_window, field
 from ribbon_cli.export.mesh import FACET_FIELDS, ODD_FIELDS, facet_corners, strip
 from ribbon_cli.export.view import chosen_view, strip_axes
@@ -38,13 +40,17 @@ def viewer_html(records: Sequence[StateRecord], title: str, run: str | None) -> 
     placed = [corners - corners.reshape(-1, 3).mean(axis=0) for corners in shapes]
     if any(own is None for own in axes):
         placed = turned_alike(shapes)
+    each = per_force(records)
     document = {
         "title": title,
         "turn": chosen_view(placed[-1], None, axes[-1]).axes.ravel().tolist(),
         "run": run,
         "facetFields": [name for name in FIELDS if name in FACET_FIELDS],
         "oddFields": [name for name in FIELDS if name in ODD_FIELDS],
-        "states": [_state(record, corners) for record, corners in zip(records, placed, strict=True)],
+        "states": [
+            _state(record, corners, _arrows(record, shape, corners, each))
+            for record, shape, corners in zip(records, shapes, placed, strict=True)
+        ],
     }
     # "</" would end the script that holds the data, and "<!--" begin what ends elsewhere.
     data = json.dumps(document, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
@@ -54,7 +60,17 @@ def viewer_html(records: Sequence[StateRecord], title: str, run: str | None) -> 
     return re.sub(r"\{\{\w+\}\}", lambda place: filled[place[0]], page).encode()
 
 
-def _state(record: StateRecord, placed: Array) -> dict[str, Any]:
+def _arrows(record: StateRecord, shape: Array, placed: Array, each: float) -> Array:
+    """Corners (t, 3, 3) of the triangles of a state's arrows, placed as its shape was."""
+    places, forces = touching(record).arrows
+    if not len(places):
+        return np.empty((0, 3, 3))
+    corners = arrow_triangles(places, each * forces, record.length)[0]
+    turned: Array = (corners - shape.reshape(-1, 3).mean(axis=0)) @ turn_between(shape, placed).T
+    return turned
+
+
+def _state(record: StateRecord, placed: Array, arrows: Array) -> dict[str, Any]:
     """One state for the page: the corners -b g_i, +b g_i, +b g_{i+1}, -b g_{i+1} of its facets and its
     fields.
     """
@@ -75,6 +91,8 @@ def _state(record: StateRecord, placed: Array) -> dict[str, Any]:
         "first": window.first,
         "offset": window.offset,
         "corners": _packed(placed),
+        "arrows": _packed(arrows),
+        "forces": None if record.contacts is None else record.contacts.force.tolist(),
         "fields": {name: _packed(values) for name, values in found.items()},
     }
 

@@ -15,12 +15,13 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from ribbon_cli.export.contacts import touching
 from ribbon_cli.export.mesh import Array, facet_fields, facet_normals, node_fields, strip
 from ribbon_cli.parts import HALF_WIDTH
 from ribbon_cli.store import StateRecord
 
-QUAD = 9
-"""VTK's number for a quadrilateral."""
+VERTEX, QUAD = 1, 9
+"""VTK's numbers for a point and a quadrilateral."""
 SCALARS = ("half_width", "length", "energy", "linking_number", "twist", "writhe", "clearance")
 
 
@@ -29,7 +30,9 @@ def vtkhdf_bytes(records: Sequence[StateRecord], title: str) -> bytes:
     parameter in which the states differ. Where they differ in several it is the step's number.
 
     Points have the fields at nodes and `across` (-1 and +1 at the two edges), cells those at facets, the unit
-    normal and the facet's number. The same states give the same bytes.
+    normal and the facet's number. Where states were computed with contact forces, each contact adds a point
+    on either of its sheets, and a cell of that point: `contact` is its number, 0 elsewhere, and
+    `contact_force` the force on that sheet. The same states give the same bytes.
     """
     buffer = io.BytesIO()
     with h5py.File(buffer, "w", libver=("earliest", "v110")) as file:
@@ -37,7 +40,8 @@ def vtkhdf_bytes(records: Sequence[StateRecord], title: str) -> bytes:
         root.attrs["Version"] = np.array([2, 0], dtype=np.int64)
         root.attrs["Type"] = np.bytes_(b"UnstructuredGrid")
         root.attrs["Description"] = np.bytes_(title.encode())
-        _write(root, [_step(record) for record in records], _times(records))
+        resting = any(record.contacts is not None for record in records)
+        _write(root, [_step(record, resting) for record in records], _times(records))
     return buffer.getvalue()
 
 
@@ -52,14 +56,33 @@ def _times(records: Sequence[StateRecord]) -> list[float]:
 
 @dataclass(frozen=True, eq=False)
 class _Step:
-    """One state's arrays: its mesh, and its fields by name under `PointData`, `CellData` and `FieldData`."""
+    """One state's arrays: its mesh, and its fields by name under `PointData`, `CellData` and `FieldData`.
+
+    Of the points (P, 3) the last `touching` are those of contacts, each a cell after the quadrilaterals."""
 
     points: Array
     quads: NDArray[Any]
+    touching: int
     fields: dict[str, dict[str, NDArray[Any]]]
 
+    @property
+    def cells(self) -> int:
+        """Number of cells."""
+        return len(self.quads) + self.touching
 
-def _step(record: StateRecord) -> _Step:
+    @property
+    def connectivity(self) -> NDArray[Any]:
+        """The points of all cells, one after another."""
+        last = len(self.points)
+        return np.concatenate((self.quads.ravel(), np.arange(last - self.touching, last)))
+
+    @property
+    def sizes(self) -> NDArray[Any]:
+        """How many points each cell has."""
+        return np.concatenate((np.full(len(self.quads), 4), np.ones(self.touching, dtype=np.int64)))
+
+
+def _step(record: StateRecord, resting: bool) -> _Step:
     mesh = strip(record)
     points = {name: np.repeat(values, 2) for name, values in node_fields(record, mesh).items()}
     points["across"] = np.tile([-1.0, 1.0], len(mesh.low))
@@ -68,20 +91,43 @@ def _step(record: StateRecord) -> _Step:
     facts = {name: np.array([getattr(record, name)], dtype=np.float64) for name in SCALARS}
     facts |= {name: np.array([value]) for name, value in record.parameters.items() if name != HALF_WIDTH}
     facts |= {name: np.array([int(getattr(record, name))]) for name in ("label", "certified", "self_contact")}
-    return _Step(mesh.points, mesh.quads, {"PointData": points, "CellData": cells, "FieldData": facts})
+    found = {"PointData": points, "CellData": cells, "FieldData": facts}
+    if not resting:
+        return _Step(mesh.points, mesh.quads, 0, found)
+    contacts = touching(record)
+    places, forces = contacts.arrows
+    count = len(places)
+    own = {"contact": np.repeat(np.arange(1, len(contacts) + 1), 2), "contact_force": forces}
+    for fields, owned in ((points, len(mesh.points)), (cells, len(mesh.quads))):
+        fields |= {name: _longer(values, count) for name, values in fields.items()}
+        fields |= {
+            name: np.concatenate((np.zeros((owned, *values.shape[1:]), dtype=values.dtype), values))
+            for name, values in own.items()
+        }
+    facts |= {"contacts": np.array([len(contacts)]), "contact_force": np.array([contacts.forces.sum()])}
+    return _Step(np.concatenate((mesh.points, places)), mesh.quads, count, found)
+
+
+def _longer(values: NDArray[Any], count: int) -> NDArray[Any]:
+    """A field with so many more rows, of what a point of contact does not have: 0 of whole numbers."""
+    none = 0 if values.dtype.kind == "i" else np.nan
+    return np.concatenate((values, np.full((count, *values.shape[1:]), none, dtype=values.dtype)))
 
 
 def _write(root: h5py.Group, steps: Sequence[_Step], times: Sequence[float]) -> None:
     """Write the steps one after another, and where each begins."""
     points = [len(step.points) for step in steps]
-    cells = [len(step.quads) for step in steps]
+    cells = [step.cells for step in steps]
+    connectivity = [step.connectivity for step in steps]
+    ids = [len(points) for points in connectivity]
     _array(root, "NumberOfPoints", np.array(points, dtype=np.int64))
     _array(root, "NumberOfCells", np.array(cells, dtype=np.int64))
-    _array(root, "NumberOfConnectivityIds", 4 * np.array(cells, dtype=np.int64))
+    _array(root, "NumberOfConnectivityIds", np.array(ids, dtype=np.int64))
     _array(root, "Points", np.concatenate([step.points for step in steps]))
-    _array(root, "Connectivity", np.concatenate([step.quads.ravel() for step in steps]))
-    _array(root, "Offsets", np.concatenate([4 * np.arange(n + 1, dtype=np.int64) for n in cells]))
-    _array(root, "Types", np.full(sum(cells), QUAD, dtype=np.uint8))
+    _array(root, "Connectivity", np.concatenate(connectivity))
+    _array(root, "Offsets", np.concatenate([np.append(0, np.cumsum(step.sizes)) for step in steps]))
+    types = [np.where(step.sizes == 1, VERTEX, QUAD) for step in steps]
+    _array(root, "Types", np.concatenate(types).astype(np.uint8))
     series = root.create_group("Steps")
     series.attrs["NSteps"] = np.int64(len(steps))
     _array(series, "Values", np.array(times, dtype=np.float64))
@@ -91,7 +137,7 @@ def _write(root: h5py.Group, steps: Sequence[_Step], times: Sequence[float]) -> 
     starts = {"PointData": _starts(points), "CellData": _starts(cells), "FieldData": count}
     _array(series, "PointOffsets", starts["PointData"])
     _array(series, "CellOffsets", starts["CellData"][:, None])
-    _array(series, "ConnectivityIdOffsets", 4 * starts["CellData"][:, None])
+    _array(series, "ConnectivityIdOffsets", _starts(ids)[:, None])
     for kind, start in starts.items():
         group, offsets = root.create_group(kind), series.create_group(f"{kind}Offsets")
         for name in steps[0].fields[kind]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
+from ribbon_cli import digits
 from ribbon_cli.parts import HALF_WIDTH
 from ribbon_cli.store import StateRecord, Summary
 
@@ -13,11 +14,37 @@ MOST_LABELS = 8
 """Most states that a sentence names."""
 
 
+def meets_unheld(state: StateRecord | Summary) -> bool:
+    """Whether facets meet that no contact forces hold apart."""
+    return state.self_contact and state.contacts is None
+
+
+def meeting(state: StateRecord | Summary) -> str:
+    """How a band meets itself, in words: without forces, or at rest on contacts; empty where it does not."""
+    if not state.self_contact:
+        return ""
+    if state.contacts is None:
+        return MEETS_ITSELF
+    count, force, gap = _held(state)
+    if not count:
+        return "crosses itself"
+    number = f"{count} contact{'s' * (count > 1)}" + (f" with a gap of {gap:.10g}" if gap else "")
+    return f"rests on itself at {number}, forces of {digits.significant(force, 6)} in all"
+
+
+def _held(state: StateRecord | Summary) -> tuple[int, float, float]:
+    """Of a state computed with contact forces the number of contacts, their forces' sum, and the gap."""
+    if isinstance(state, Summary):
+        return state.contacts or 0, state.contact_force or 0.0, state.contact_gap or 0.0
+    kept = state.contacts
+    return (0, 0.0, 0.0) if kept is None else (len(kept), kept.total_force, kept.gap)
+
+
 def verdict(record: StateRecord) -> str:
     """Whether a state is certified, and as what: an auxiliary problem's minimum is none of the band. Then, of
-    a band whose facets meet, that they do.
+    a band whose facets meet, how they do.
     """
-    return f"{_certificate(record)}, {MEETS_ITSELF}" if record.self_contact else _certificate(record)
+    return ", ".join(filter(None, [_certificate(record), meeting(record)]))
 
 
 def _certificate(record: StateRecord) -> str:
@@ -34,20 +61,21 @@ def _certificate(record: StateRecord) -> str:
 def standing(record: StateRecord) -> str:
     """What has to be said of a state beside certified ones, in a word or two; empty for those."""
     word = "auxiliary" if record.kind == "auxiliary" else "" if record.certified else "no certificate"
-    return ", ".join(filter(None, [word, "self-contact" if record.self_contact else ""]))
+    contact = "self-contact" if meets_unheld(record) else "on itself" if record.self_contact else ""
+    return ", ".join(filter(None, [word, contact]))
 
 
 def contact_warning(records: Sequence[StateRecord]) -> str:
-    """A sentence on those states of a picture or file whose facets meet; empty where none do."""
-    meeting = [record for record in records if record.self_contact]
-    if not meeting:
+    """A sentence on the states of a picture or file whose facets meet without forces; empty where none do."""
+    found = [record for record in records if meets_unheld(record)]
+    if not found:
         return ""
     if len(records) == 1:
-        return f"state {meeting[0].label} {MEETS_ITSELF}"
-    labels = ", ".join(str(record.label) for record in meeting[:MOST_LABELS])
-    more = f" and {len(meeting) - MOST_LABELS} more" if len(meeting) > MOST_LABELS else ""
+        return f"state {found[0].label} {MEETS_ITSELF}"
+    labels = ", ".join(str(record.label) for record in found[:MOST_LABELS])
+    more = f" and {len(found) - MOST_LABELS} more" if len(found) > MOST_LABELS else ""
     words = "touch or pass through themselves (no contact forces)"
-    return f"of {len(records)} states {len(meeting)} {words}: {labels}{more}"
+    return f"of {len(records)} states {len(found)} {words}: {labels}{more}"
 
 
 def linking_name(states: Iterable[Summary | StateRecord]) -> str:

@@ -33,14 +33,19 @@ class Reactions:
     start_moment: Array
 
 
-def reactions(problem: Problem, x: Array, multipliers: Array) -> Reactions:
-    """The reactions of a strip at x (7N,) with multipliers (5N+3,). Raises ValueError for a closed band."""
+def reactions(problem: Problem, x: Array, multipliers: Array, contacts: Array | None = None) -> Reactions:
+    """The reactions of a strip at x (7N,) with multipliers (5N+3,). Raises ValueError for a closed band.
+
+    `contacts` is what contact forces pull with on unknowns and data, their gaps' gradients times forces.
+    """
     if not problem.stencil.seam.strip:
         raise ValueError("a closed band has no ends")
     local, n = problem.local(x), problem.band.segments
     _, gradient, jacobian, _ = problem.unmasked(local, None)
     pull = gradient - np.einsum("kji,ki->ji", jacobian, problem.local_multipliers(multipliers))
     slots = problem.gathered_with_data(pull)
+    if contacts is not None:
+        slots = slots - contacts
     moment, force = np.zeros(3), np.zeros(3)
     if problem.stencil.seam is Seam.HELD:
         tangent = local[U, n]

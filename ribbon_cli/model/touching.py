@@ -208,17 +208,17 @@ class Shape:
         ends = self.flat_of_edges(3 * (vertices // 2))
         return ends[np.arange(len(vertices)), vertices % 2][:, None]
 
-    def flat_distance(self, one: Array, other: Array) -> Array:
-        """Distances (k,) on the strip of convex outlines (k,p,2) and (k,q,2), the shortest way round."""
-        if not self.closed:
-            return _planar_distance(one, other)
+    def flat_distance(self, one: Array, other: Array, within: float = np.inf) -> Array:
+        """Distances (k,) on the strip of convex outlines (k,p,2) and (k,q,2), the shortest way round;
+        infinite where they are seen to be more than `within`."""
         least = np.full(len(one), np.inf)
-        for turn in (-1, 0, 1):
-            moved = other.copy()
-            moved[..., 0] += turn * self.length
-            if turn:
-                moved[..., 1] *= self.sigma
-            least = np.minimum(least, _planar_distance(one, moved))
+        low, high = one[..., 0].min(axis=1), one[..., 0].max(axis=1)
+        for turn in (-1, 0, 1) if self.closed else (0,):
+            along = other[..., 0] + turn * self.length
+            apart = np.maximum(along.min(axis=1) - high, low - along.max(axis=1))
+            at = np.flatnonzero(apart <= np.minimum(least, within))
+            moved = np.stack((along[at], (self.sigma if turn else 1) * other[at, :, 1]), axis=-1)
+            least[at] = np.minimum(least[at], _planar_distance(one[at], moved))
         return least
 
 

@@ -52,6 +52,10 @@ class Features:
         ee = ee[(ee[:, 0] != ee[:, 1]) & ~slivers[ee].any(axis=1)]
         if within is not None:
             vf, ee = vf[boxes_near(shape, vf, within)], ee[_edge_distances(shape, ee) <= within]
+        # What has a vertex in common is nowhere apart on the flat strip.
+        vf = vf[(corners[vf[:, 1]] != vf[:, :1]).all(axis=1)]
+        (first, last), (start, end) = (shape.edge_ends(ee[:, k]) for k in (0, 1))
+        ee = ee[(first != start) & (first != end) & (last != start) & (last != end)]
         vf = vf[_counts(shapes, Shape.flat_of_vertices, Shape.flat_of_facets, vf)]
         return cls(vf, ee[_counts(shapes, Shape.flat_of_edges, Shape.flat_of_edges, ee)])
 
@@ -82,7 +86,7 @@ def _counts(shapes, first, second, pairs: IntArray) -> NDArray[np.bool_]:  # typ
         block = slice(start, start + BLOCK)
         a, b = pairs[block, 0], pairs[block, 1]
         for shape in shapes:
-            apart = shape.flat_distance(first(shape, a), second(shape, b))
+            apart = shape.flat_distance(first(shape, a), second(shape, b), shape.excluded)
             out[block] |= apart >= shape.excluded
     return out
 
@@ -120,6 +124,10 @@ class Audit:
     distance: Array
     crossing: Crossing
 
+    def lacks(self, gap: float) -> float:
+        """How much features are nearer than a gap that they are to keep, or how deep they cross."""
+        return max(self.penetration, gap - self.clearance)
+
 
 def audit(shape: Shape, reach: float | None = None) -> Audit:
     """Look at all pairs of a shape.
@@ -145,9 +153,16 @@ def _audit(shape: Shape, reach: float) -> Audit:
     distance = np.concatenate((np.abs(heights[vf]), between[ee]))
     near = _pairs(features.vertex_facet[vf], features.edge_edge[ee])
     crossing = _crossings(shape, i, j)
-    clearance = float(distance.min()) if distance.size else reach
+    beside = _beside_facets(shape, features.vertex_facet[~over], reach)
+    clearance = min(float(distance.min(initial=reach)), float(beside.min(initial=reach)))
     depth = float(crossing.depth.max()) if crossing.depth.size else 0.0
     return Audit(0.0 if depth > 0 else clearance, depth, near, distance, crossing)
+
+
+def penetration(shape: Shape) -> float:
+    """The greatest depth of an edge through a facet."""
+    i, j = near_facets(corners_of(shape, shape.vertices), np.zeros(shape.segments), 0.0)
+    return float(_crossings(shape, i, j).depth.max(initial=0.0))
 
 
 def _pairs(vf: IntArray, ee: IntArray) -> Pairs:
@@ -171,6 +186,19 @@ def _over_facets(shape: Shape, pairs: IntArray) -> tuple[Array, NDArray[np.bool_
     v, f = pairs[:, 0], pairs[:, 1]
     along, across, height = _in_facet(shape, shape.vertices[v], f)
     return height, _on_facet(along, across, shape.xi[f])
+
+
+def _beside_facets(shape: Shape, pairs: IntArray, reach: float) -> Array:
+    """Distances (k,) within a reach of vertices from facets' rims."""
+    pairs = pairs[boxes_near(shape, pairs, reach)]
+    points = shape.vertices[pairs[:, 0]]
+    rim = shape.vertices[shape.corner_numbers[pairs[:, 1]]]
+    along = np.roll(rim, -1, axis=1) - rim
+    off = points[:, None] - rim
+    square = np.maximum((along * along).sum(axis=2), np.finfo(float).tiny)
+    part = np.clip((off * along).sum(axis=2) / square, 0.0, 1.0)
+    out: Array = np.linalg.norm(off - part[..., None] * along, axis=2).min(axis=1, initial=np.inf)
+    return out
 
 
 def _in_facet(shape: Shape, points: Array, f: IntArray) -> tuple[Array, Array, Array]:
@@ -297,7 +325,7 @@ class Motion:
         parts = 0.5 * (times[1:] + times[:-1])
         if len(parts) > MOST_PARTS:
             parts = parts[np.linspace(0, len(parts) - 1, MOST_PARTS).astype(int)]
-        return max(audit(self.at(float(part)), 0.0).penetration for part in parts)
+        return max(penetration(self.at(float(part))) for part in parts)
 
 
 def passages(before: Shape, after: Shape) -> Passages:

@@ -20,6 +20,8 @@ from .touching import EDGE, FACET, VERTEX, IntArray, Shape
 from .touching_audit import Features, boxes_near, corners_of, meets
 from .touching_gaps import Pairs, arguments, gaps, places, vectors
 
+PARALLEL = 1e-9
+"""Sine of an angle below which two edges are nearest at an end of one of them."""
 BESIDE = 0.1
 """How near its end, as a part of it, a side crosses a ruling for the vertex there to be of account too."""
 
@@ -115,6 +117,9 @@ def _of_edges(shape: Shape, ee: IntArray, ends: IntArray) -> Pairs:
         return across
     at = places(shape, across)
     inside: NDArray[np.bool_] = np.all(np.maximum(-at, at - 1.0) <= 0.0, axis=1)
+    first, last = (shape.vertices[ends[:, k]] for k in (0, 1))
+    along = (last - first) / np.maximum(np.linalg.norm(last - first, axis=1), np.finfo(float).tiny)[:, None]
+    inside &= np.linalg.norm(np.cross(along[ee[:, 0]], along[ee[:, 1]]), axis=1) > PARALLEL
     outside = ee[~inside]
     a, b = outside[:, 0], outside[:, 1]
     v = np.column_stack((ends[a], ends[b])).ravel()
@@ -142,13 +147,16 @@ def _least(shape: Shape, v: IntArray, edges: IntArray, of: int) -> Pairs:
     return on_edge.joined(_typed((VERTEX, VERTEX), np.minimum(v, end), np.maximum(v, end)))
 
 
-def candidates(shape: Shape, near: Pairs, forces: Array) -> tuple[Pairs, Array]:
+def candidates(shape: Shape, near: Pairs, forces: Array, gap: float = 0.0) -> tuple[Pairs, Array]:
     """The signed gaps that stand for near pairs, and their forces (k,): those of faces and crossing edges
-    themselves, and for a vertex near an edge, or a vertex, those of what meets there, in equal parts.
+    themselves, and for a vertex near an edge, or a vertex, those of what meets there, in equal parts. With a
+    gap that is not zero all stand for themselves.
 
     Over a ruling in a valley the planes of both its facets bound a vertex; over a ridge neither does, and the
     sides that meet at the vertex may cross the ruling. The shape crosses nothing, so that signs are known.
     """
+    if gap:
+        return _merged(near, forces)
     found: dict[tuple[int, int, int, int], float] = {}
     rows = zip(near.first.tolist(), near.second.tolist(), forces.tolist(), strict=True)
     for first, second, force in rows:
@@ -156,7 +164,7 @@ def candidates(shape: Shape, near: Pairs, forces: Array) -> tuple[Pairs, Array]:
         if first[0] == VERTEX and second[0] == EDGE:
             stand = _at_edge(shape, first[1], second[1])
         elif second[0] == VERTEX:
-            sides = [(a, b) for a in _sides(shape, first[1]) for b in _sides(shape, second[1])]
+            sides = [(a, b) for a in sides_at(shape, first[1]) for b in sides_at(shape, second[1])]
             stand = [(EDGE, min(p), EDGE, max(p)) for p in sides]
         for name in stand:
             found[name] = found.get(name, 0.0) + force / len(stand)
@@ -171,6 +179,15 @@ def candidates(shape: Shape, near: Pairs, forces: Array) -> tuple[Pairs, Array]:
     value = gaps(vectors(shape, what), what, pairs.sign, shape.half_width).value
     signed = Pairs(pairs.first, pairs.second, np.where(value < 0, -1.0, 1.0))
     return signed, np.array([found[name] for name in names])
+
+
+def _merged(near: Pairs, forces: Array) -> tuple[Pairs, Array]:
+    """Near pairs, each once, with the sums of their forces (k,)."""
+    summed: dict[tuple[int, int, int, int], float] = {}
+    for name, force in zip(near.names(), forces.tolist(), strict=True):
+        summed[name] = summed.get(name, 0.0) + force
+    once = near.unique()
+    return once, np.array([summed[name] for name in once.names()])
 
 
 def _beside_ends(shape: Shape, near: Pairs) -> list[tuple[int, int, int, int]]:
@@ -189,7 +206,7 @@ def _beside_ends(shape: Shape, near: Pairs) -> list[tuple[int, int, int, int]]:
 
 def _at_edge(shape: Shape, vertex: int, edge: int) -> list[tuple[int, int, int, int]]:
     """What stands for a vertex near an edge."""
-    crossing = [(EDGE, min(a, edge), EDGE, max(a, edge)) for a in _sides(shape, vertex)]
+    crossing = [(EDGE, min(a, edge), EDGE, max(a, edge)) for a in sides_at(shape, vertex)]
     k = edge // 3
     if edge % 3:
         return crossing
@@ -206,7 +223,7 @@ def _at_edge(shape: Shape, vertex: int, edge: int) -> list[tuple[int, int, int, 
     return facing if side * (shape.u[k] @ normal) > 0 else crossing
 
 
-def _sides(shape: Shape, vertex: int) -> list[int]:
+def sides_at(shape: Shape, vertex: int) -> list[int]:
     """The sides that meet at a vertex."""
     k, upper = vertex // 2, vertex % 2
     ahead, behind = 3 * k + 1 + upper, 3 * (k - 1) + 1 + upper

@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from ribbon_cli import digits
-from ribbon_cli.export.words import MEETS_ITSELF, linking_name
+from ribbon_cli.export.words import MEETS_ITSELF, linking_name, meeting
 from ribbon_cli.pages.html import Cell, table
-from ribbon_cli.store import Summary
+from ribbon_cli.store import StateRecord, Summary
 from ribbon_cli.store.summaries import varying
 
 Column = Callable[[Any], Cell]
@@ -25,7 +25,9 @@ def energy(value: float | None) -> Cell:
 
 
 def contact(state: Any) -> Cell:
-    """Whether the band meets itself."""
+    """Whether the band meets itself, and how."""
+    if isinstance(state, Summary | StateRecord) and state.contacts is not None:
+        return meeting(state) or "none"
     return (MEETS_ITSELF, "no") if state.self_contact else "none"
 
 

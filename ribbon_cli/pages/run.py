@@ -5,7 +5,7 @@ from __future__ import annotations
 from ribbon_cli.analysis import multiplier_curves, run_table
 from ribbon_cli.errors import UsageError
 from ribbon_cli.export.series import branch, courses, finest, latest
-from ribbon_cli.export.words import MEETS_ITSELF
+from ribbon_cli.export.words import MEETS_ITSELF, meets_unheld
 from ribbon_cli.pages.columns import OF_STATES, listing, named_for, number
 from ribbon_cli.pages.html import Cell, heading, page, paragraph, picture, preformatted, table
 from ribbon_cli.plot.figure import image
@@ -46,8 +46,10 @@ def _summary(run: Run, records: list[StateRecord]) -> list[str]:
     for state in every:
         kinds[state.kind] = kinds.get(state.kind, 0) + 1
     counts = ", ".join(f"{count} {kind}" for kind, count in kinds.items())
-    touching = [state.half_width for state in states if state.self_contact]
-    contact = "No self-contact."
+    touching = [state.half_width for state in states if meets_unheld(state)]
+    contact = "No self-contact without forces."
+    if not any(state.self_contact for state in states):
+        contact = "No self-contact."
     if touching:
         contact = (
             f"Self-contact at {len(touching)} of the equilibria, the narrowest b = {min(touching):.10g}: "
@@ -76,7 +78,9 @@ def _summary(run: Run, records: list[StateRecord]) -> list[str]:
 
 STATES = {name: OF_STATES[name] for name in ("b", "N", "label", "E", "status")} | {
     "certificate": lambda state: ("yes", "yes") if state.certified else ("no", "no"),
-    "contact": lambda state: ("yes", "no") if state.self_contact else "no",
+    "contact": lambda state: (
+        ("yes", "no") if meets_unheld(state) else "at rest" if state.self_contact else "no"
+    ),
     "neg.": lambda state: ("?" if (k := state.negative_eigenvalues) is None else str(k), "n"),
     "gradient": lambda state: number(state.kkt_residual, ".1e"),
     "constraints": lambda state: number(state.constraint_residual, ".1e"),

@@ -1,9 +1,11 @@
 from . import branches as branches
 from . import canvas as canvas
+from . import contacts as contacts
 from . import curves as curves
 from . import fields as fields
 from . import figure as figure
 from . import flat as flat
+from . import forces as forces
 from . import kinds as kinds
 from . import labels as labels
 from . import levels as levels

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
+from matplotlib.markers import CARETDOWN, CARETUP
 
 from ribbon_cli.parts import HALF_WIDTH
 from ribbon_cli.plot.canvas import Figure
@@ -25,10 +26,12 @@ LINES: dict[int | None, tuple[str, Any]] = {
     None: ("index unknown", (0, (6, 1.6, 1.2, 1.6))),
 }
 """Name and dashes of a stretch by its number of negative eigenvalues."""
-MARKS = {
+MARKS: dict[str, tuple[str, Any]] = {
     "fold": ("fold", "D"),
     "branch-point": ("branch point", "s"),
     "contact": ("contact", "X"),
+    "touch": ("touch", CARETDOWN),
+    "lift": ("lift", CARETUP),
 }
 """Name and marker of a point by its type."""
 DWARFED = 100.0
@@ -39,6 +42,8 @@ HELD_SHARE = 0.34
 """The same of four panels in two rows."""
 FORCE = "end's force along $y$"
 """Title of a strip's fourth panel."""
+AT_REST = "contact force"
+"""Title of a panel of the sum of all forces with which a band rests on itself."""
 
 
 def arclength_figure(
@@ -47,38 +52,42 @@ def arclength_figure(
     style: Style,
     parameter: str = HALF_WIDTH,
 ) -> Figure:
-    """Energy, lowest eigenvalue and clearance over a parameter along branches, and the force across of a
-    strip's end: of two sides of a branch point that are each other's image, which have one energy, it has
-    opposite signs.
+    """Energy, lowest eigenvalue and clearance over a parameter along branches, and a force: of bands computed
+    with contact forces their sum, else that across of a strip's end: of two sides of a branch point that are
+    each other's image, which have one energy, it has opposite signs.
 
     `courses` are summaries of states by the name of the branch, from its start on; `starts` the lowest
     eigenvalue by label of a start that is no point of a branch. Dashes tell how many directions lead down,
     colours and small marks the branches, open marks folds, branch points and contact.
     """
-    held = all(point.reaction_force for points in courses.values() for point in points)
-    figure, places = panels(style, 4, 2, HELD_SHARE) if held else panels(style, 3, 3, ROW_SHARE)
+    every = [point for points in courses.values() for point in points]
+    resting, held = any(p.with_forces for p in every), all(p.reaction_force for p in every)
+    force = AT_REST if resting else FORCE if held else None
+    figure, places = panels(style, 4, 2, HELD_SHARE) if force else panels(style, 3, 3, ROW_SHARE)
     used: set[int | None] = set()
     for k, points in enumerate(courses.values()):
         b, energy, clearance = energies(points, parameter)
         title, ring = energy_unit(points)
         lowest = np.array([_eigenvalue(p, starts) for p in points])
         look = branch_look(k) if len(courses) > 1 else {"color": PALETTE[0]}
-        drawn = [energy / ring, lowest, clearance, *([_across(points)] if held else [])]
+        drawn = [energy / ring, lowest, clearance]
+        if force:
+            drawn.append(contact_forces(points) if resting else _across(points))
         for axes, values in zip(places, drawn, strict=True):
             used |= draw_course(axes, points, b, values, look["color"], style)
             if len(courses) > 1:
                 first, step = spread(k, len(points))
                 axes.plot(b[first::step], values[first::step], linestyle="", zorder=3, **look)
             mark_points(axes, points, b, values, look["color"], style)
-    titles = (title, "lowest eigenvalue", "clearance", *([FORCE] if held else []))
+    titles = (title, "lowest eigenvalue", "clearance", *([force] if force else []))
     branch_panels(places, titles, parameter)
-    for axes in places if held else ():
+    for axes in places if force else ():
         axes.locator_params(axis="x", nbins=6)
     _tame(places[1])
     for axes in places[1::2]:
         axes.axhline(0.0, color=LIGHT_GREY, linewidth=0.6, zorder=0)
     places[2].set_ylim(bottom=0.0)
-    handles = _names(courses, style) + meanings(used, [p for points in courses.values() for p in points])
+    handles = _names(courses, style) + meanings(used, every)
     legend_above(figure, handles, rows=0)
     return figure
 
@@ -87,6 +96,11 @@ def _across(points: Sequence[Summary]) -> np.ndarray:
     """The force (n,) that what holds the end exerts along y, across the start's tangent and ruling."""
     forces = [(point.reaction_force or (None, None, None))[1] for point in points]
     return np.array([np.nan if force is None else force for force in forces])
+
+
+def contact_forces(points: Sequence[Summary]) -> np.ndarray:
+    """The sum (n,) of the forces at a band's contacts, not-a-number without contact forces."""
+    return np.array([np.nan if p.contact_force is None else p.contact_force for p in points], dtype=float)
 
 
 def _tame(axes: Axes) -> None:

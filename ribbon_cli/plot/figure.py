@@ -12,7 +12,7 @@ from typing import Any
 
 from ribbon_cli.digits import significant
 from ribbon_cli.errors import UsageError
-from ribbon_cli.export.words import verdict
+from ribbon_cli.export.words import meets_unheld, verdict
 from ribbon_cli.parts import PARAMETERS
 from ribbon_cli.plot.canvas import Figure
 from ribbon_cli.plot.style import GREY, STYLES, Style, styled
@@ -67,9 +67,11 @@ def state_caption(records: Sequence[StateRecord], run: str | None, names: Sequen
         labels = ", ".join(names or [str(record.label) for record in records])
         auxiliary = sum(record.kind == "auxiliary" for record in records)
         certified = sum(record.certified and record.kind != "auxiliary" for record in records)
-        meeting = sum(record.self_contact for record in records)
+        meeting = sum(meets_unheld(record) for record in records)
+        resting = sum(record.self_contact and record.contacts is not None for record in records)
         beside = f", {auxiliary} auxiliary" if auxiliary else ""
         beside += f", {meeting} in self-contact without forces" if meeting else ""
+        beside += f", {resting} at rest on themselves" if resting else ""
         where = "" if names else f"{run}:" if run else "states "
         return f"{where}{labels} ({certified} of {len(records)} certified{beside})"
     (record,) = records

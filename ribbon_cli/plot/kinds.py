@@ -8,10 +8,13 @@ from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
 from ribbon_cli.errors import UsageError
+from ribbon_cli.export.mesh import check_shape
 from ribbon_cli.export.series import along, branch, courses, finest, followed_in, left_out, levels, value_at
+from ribbon_cli.export.words import meets_unheld
 from ribbon_cli.parts import HALF_WIDTH
 from ribbon_cli.plot.branches import arclength_figure
 from ribbon_cli.plot.canvas import Figure
+from ribbon_cli.plot.contacts import contacts_figure
 from ribbon_cli.plot.curves import Curve, geometry_figure, multipliers_figure
 from ribbon_cli.plot.fields import Choice, chosen, fields_figure
 from ribbon_cli.plot.figure import dressed, state_caption
@@ -288,7 +291,12 @@ def _branch(source: Source, style: Style) -> Picture:
     ]
     contact = min(located, default=None)
     lowest = [lowest_value(r, "rotation", "sliding") for r in records]
-    figure = branch_figure(states, lowest, style, contact, parameter)
+    changes = [
+        state
+        for state in run.states(all=True)
+        if state.segments == states[0].segments and {"touch", "lift"} & set(state.event_kinds)
+    ]
+    figure = branch_figure(states, lowest, style, contact, parameter, changes)
     title = f"Branch in the {'width' if parameter == HALF_WIDTH else name}{left_out(run, states)}"
     return Picture(figure, title + _elsewhere(len(every) - len(states)), records)
 
@@ -391,7 +399,7 @@ def _shapes(source: Source, style: Style) -> Picture:
     title = "Shapes" + (f", {len(states)} of {len(source.states)}" if left else "")
     figure = shapes_figure(panels, style, aligned=False, angles=source.angles)
     told = "; ".join(name.replace("$", "") for name in names)
-    certified, meeting = sum(s.certified for s in states), sum(s.self_contact for s in states)
+    certified, meeting = sum(s.certified for s in states), sum(map(meets_unheld, states))
     contact = f", {meeting} in self-contact" if meeting else ""
     caption = f"{told} ({certified} of {len(states)} certified{contact})"
     return Picture(figure, title, tuple(states), caption=caption)
@@ -409,6 +417,19 @@ def _pattern(source: Source, style: Style) -> Picture:
     return Picture(pattern_figure(record, style), "Fold pattern", (record,))
 
 
+def _contacts(source: Source, style: Style) -> Picture:
+    record = _one(source, "contacts")
+    if record.contacts is None:
+        raise UsageError(
+            f"state {record.label} was computed without contact forces: see `contact: forces` in the config, "
+            "or `ribbon continue STATE --contact forces`"
+        )
+    check_shape(record)
+    count = len(record.contacts.force)
+    title = f"Contacts of the strip with itself: {count}" if count else "No contact of the strip with itself"
+    return Picture(contacts_figure(record, style), title, (record,))
+
+
 KINDS: dict[str, Callable[[Source, Style], Picture]] = {
     "shape": _shape,
     "geometry": _geometry,
@@ -419,6 +440,7 @@ KINDS: dict[str, Callable[[Source, Style], Picture]] = {
     "family": _family,
     "mode": _mode,
     "pattern": _pattern,
+    "contacts": _contacts,
     "table": _table,
     "shapes": _shapes,
 }

@@ -12,7 +12,9 @@ from matplotlib.axes import Axes
 
 from ribbon_cli.digits import powers, significant
 from ribbon_cli.errors import UsageError
+from ribbon_cli.export.words import meets_unheld
 from ribbon_cli.parts import HALF_WIDTH, PARAMETERS
+from ribbon_cli.plot.branches import AT_REST, HELD_SHARE, MARKS, ROW_SHARE, contact_forces
 from ribbon_cli.plot.canvas import Figure
 from ribbon_cli.plot.labels import (
     LEGEND_LINE,
@@ -24,11 +26,10 @@ from ribbon_cli.plot.labels import (
     place_texts,
 )
 from ribbon_cli.plot.panels import branch_panels, energies, energy_unit, panels
-from ribbon_cli.plot.style import GREY, LIGHT_GREY, PALETTE, Style, line_look, marked_look
+from ribbon_cli.plot.style import GREY, LIGHT_GREY, NEGATIVE, PALETTE, Style, line_look, marked_look
 from ribbon_cli.report.convergence import Others, Row, Table
 from ribbon_cli.store import SpectrumRecord, StateRecord, Summary
 
-NEGATIVE = "#B00020"
 FEW_MODES = 40
 """Most values that are marked one by one."""
 SPECTRUM = 18.0
@@ -284,21 +285,30 @@ def branch_figure(
     style: Style,
     contact: float | None = None,
     parameter: str = HALF_WIDTH,
+    changes: Sequence[Summary] = (),
 ) -> Figure:
-    """Energy, lowest eigenvalue and clearance over a parameter.
+    """Energy, lowest eigenvalue and clearance over a parameter, and the contact force of bands that have one;
+    where these touch all along, in place of the clearance.
 
     `states` are summaries along the branch in its order; `lowest` the lowest eigenvalue of
     each in the physical metric, rotations and sliding left out, None where no spectrum is stored. Filled
     marks are certified minima, open ones are not; crosses have self-contact. A line is
-    drawn at `contact`, the value at which that was found to begin.
+    drawn at `contact`, the value at which that was found to begin. `changes` are states at which a contact
+    begins or ends: in the panels of energy and force, a caret from above is a touch, one from below a lift.
     """
-    figure, places = panels(style, 3, 3, 0.4)
     b, energy, clearance = energies(states, parameter)
     title, ring = energy_unit(states)
     eigenvalues = np.array([np.nan if v is None else v for v in lowest])
     lowest_title = "lowest eigenvalue but sliding" if states[0].sigma else "lowest eigenvalue"
-    branch_panels(places, (title, lowest_title, "clearance"), parameter)
-    for axes, values in zip(places, (energy / ring, eigenvalues, clearance), strict=True):
+    drawn = {title: energy / ring, lowest_title: eigenvalues, "clearance": clearance}
+    resting = any(state.with_forces for state in states)
+    if resting:
+        drawn[AT_REST] = contact_forces(states)
+        if all(state.contacts for state in states):
+            del drawn["clearance"]
+    figure, places = panels(style, 4, 2, HELD_SHARE) if len(drawn) == 4 else panels(style, 3, 3, ROW_SHARE)
+    branch_panels(places, tuple(drawn), parameter)
+    for axes, values in zip(places, drawn.values(), strict=True):
         axes.plot(b, values, color=PALETTE[0], zorder=1)
         _mark(axes, states, b, values, style)
         if contact is not None:
@@ -307,11 +317,28 @@ def branch_figure(
         if np.isnan(values).all():
             axes.text(0.5, 0.5, "not stored", transform=axes.transAxes, ha="center", color=GREY)
             axes.set_yticks([])
-    for axes, values in zip(places[1:], (eigenvalues, clearance), strict=True):
-        if np.nanmin(values, initial=np.inf) > 0:
+    if resting and changes:
+        _changes(places[0], places[-1], changes, style, parameter)
+    for axes, (name, values) in list(zip(places, drawn.items(), strict=True))[1:]:
+        if np.nanmin(values, initial=np.inf) > 0 or name == AT_REST:
             axes.set_ylim(bottom=0.0)
     legend_above(figure, places[0].get_legend_handles_labels()[0])
     return figure
+
+
+def _changes(energy: Axes, force: Axes, changes: Sequence[Summary], style: Style, parameter: str) -> None:
+    """Marks of what begins to touch, and of what lifts."""
+    for kind in ("touch", "lift"):
+        found = [state for state in changes if kind in state.event_kinds]
+        if not found:
+            continue
+        name, marker = MARKS[kind]
+        b, e, _ = energies(found, parameter)
+        look: dict[str, Any] = {"markerfacecolor": "white", "markeredgecolor": PALETTE[1], "zorder": 4}
+        for axes, values in ((energy, e / energy_unit(found)[1]), (force, contact_forces(found))):
+            axes.plot(
+                b, values, marker=marker, linestyle="", markersize=1.5 * style.marker, label=name, **look
+            )
 
 
 def _mark(axes: Axes, states: Sequence[Summary], b: np.ndarray, values: np.ndarray, style: Style) -> None:
@@ -323,7 +350,7 @@ def _mark(axes: Axes, states: Sequence[Summary], b: np.ndarray, values: np.ndarr
             axes.plot(b[mask], values[mask], linestyle="", label=label, **look)
 
     mark("certified minimum", [s.certified for s in states], marker="o", color=PALETTE[0])
-    uncertified, touching = [not s.certified for s in states], [s.self_contact for s in states]
+    uncertified, touching = [not s.certified for s in states], list(map(meets_unheld, states))
     open_look: dict[str, Any] = {"markerfacecolor": "white", "markeredgecolor": PALETTE[1]}
     mark("no certificate", uncertified, marker="o", zorder=3, **open_look)
     mark("self-contact", touching, marker="x", color=PALETTE[1], markersize=1.6 * style.marker, zorder=4)

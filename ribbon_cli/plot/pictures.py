@@ -11,14 +11,15 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from ribbon_cli.export.align import turn_between, turned_alike
+from ribbon_cli.export.arrows import LONGEST, per_force
 from ribbon_cli.export.mesh import facet_corners
 from ribbon_cli.export.view import View, chosen_view, strip_axes
 from ribbon_cli.export.words import standing
 from ribbon_cli.plot.canvas import Figure
-from ribbon_cli.plot.labels import lines, place_texts
+from ribbon_cli.plot.forces import arrow_meaning, force_key, seen
+from ribbon_cli.plot.labels import legend_above, lines, place_texts
 from ribbon_cli.plot.shape import RULINGS, draw_shape, shown_sides
 from ribbon_cli.plot.style import GREY, Style
-from ribbon_cli.plot.supports import with_plates
 from ribbon_cli.store import StateRecord
 
 Array = NDArray[np.float64]
@@ -30,13 +31,16 @@ def shape_figure(record: StateRecord, style: Style, angles: tuple[float, float] 
     """
     corners = facet_corners(record)
     view = chosen_view(corners, angles, strip_axes(record))
-    extent = np.ptp(view.project(with_plates(record))[..., :2], axis=(0, 1))
+    each = per_force([record])
+    extent = np.ptp(view.project(seen(record, each))[:, :2], axis=0)
     width = style.across(0.7)
     height = width * float(np.clip(extent[1] / extent[0], 0.3, 1.2))
     figure = Figure(figsize=(width, height + 0.06 * width / 0.7), layout="constrained")
     axes = figure.subplots()
-    draw_shape(axes, record, style, view)
+    draw_shape(axes, record, style, view, each=each)
     scale_bar(axes, style)
+    if each > 0.0:
+        force_key(axes, each, LONGEST * record.length, style)
     return figure
 
 
@@ -99,8 +103,11 @@ def shapes_figure(
         views = _common_views(corners, angles)
     else:
         views = [chosen_view(item, angles, axes) for item, axes in zip(corners, own, strict=True)]
-    seen = [with_plates(panel.record) for panel in panels]
-    boxes = [np.ptp(view.project(c)[..., :2], axis=(0, 1)) for view, c in zip(views, seen, strict=True)]
+    each = per_force([panel.record for panel in panels])
+    boxes = [
+        np.ptp(view.project(seen(panel.record, each))[:, :2], axis=0)
+        for view, panel in zip(views, panels, strict=True)
+    ]
     columns = _columns(len(panels), style)
     rows = math.ceil(len(panels) / columns)
     width = style.across(1.0 if columns > 1 else 0.6)
@@ -119,10 +126,12 @@ def shapes_figure(
     rulings = RULINGS if columns == 1 else max(24, round(1.5 * RULINGS / columns))
     sides = _common_sides(panels, views) if aligned else [None] * len(panels)
     for k, (axes, panel, view) in enumerate(zip(places, panels, views, strict=False)):
-        draw_shape(axes, panel.record, style, view, panel.marked, rulings, sides[k])
+        draw_shape(axes, panel.record, style, view, panel.marked, rulings, sides[k], each)
         _same_scale(axes, 1.03 * wide, 1.03 * high[k // columns])
         axes.set_title(panel.title)
         axes.set_anchor("S")  # what equal scales leave over belongs to the titles
+    if each > 0.0:
+        legend_above(figure, [arrow_meaning([panel.record for panel in panels], style)], rows=0)
     return figure
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
+from ribbon_cli.export.words import meets_unheld
 from ribbon_cli.parts import HALF_WIDTH, PARAMETERS
 from ribbon_cli.plot.branches import draw_course, mark_points, meanings
 from ribbon_cli.plot.canvas import Figure
@@ -90,7 +91,7 @@ def _certified(point: Summary) -> bool:
 
 def _touches(point: Summary) -> bool:
     """Whether a state touches itself; where a branch begins to has a mark of its own."""
-    return point.self_contact and point.branch is None
+    return meets_unheld(point) and point.branch is None
 
 
 def _labels(

@@ -10,8 +10,10 @@ from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgb, to_rgba
 from numpy.typing import NDArray
 
+from ribbon_cli.export.arrows import LONGEST
 from ribbon_cli.export.mesh import facet_corners, facet_normals, strip
 from ribbon_cli.export.view import View, chosen_view, strip_axes
+from ribbon_cli.plot.forces import arrow_ends, draw_forces
 from ribbon_cli.plot.outline import draw_lines
 from ribbon_cli.plot.painter import depth_order
 from ribbon_cli.plot.style import INK, SIDES, Style
@@ -34,6 +36,7 @@ def draw_shape(
     marked: tuple[int, ...] = (),
     rulings: int = RULINGS,
     like: NDArray[np.bool_] | None = None,
+    each: float = 0.0,
 ) -> View:
     """Draw a state's surface into `axes` and return the view, `chosen_view` unless given.
 
@@ -41,7 +44,7 @@ def draw_shape(
     that nothing shows where the seam lies. Clamps are plates, hinges have pins. `marked` are node numbers,
     from 1, of rulings drawn in green, and `rulings` is the most that are drawn of the others. The colours
     of a one-sided band are fitted to `like`, the `shown_sides` of a similar shape from the same side, if
-    that is given.
+    that is given. Forces at contacts are arrows with the length `each` a unit, none where that is 0.
     """
     corners, pieces = facet_corners(record), strip(record)
     view = view or chosen_view(corners, None, strip_axes(record))
@@ -64,7 +67,12 @@ def draw_shape(
     _paint(axes, every, order, colours, style, drawn, n)
     draw_lines(axes, flat, pieces, outline, green, style)
     draw_pins(axes, record, flat, style)
-    _frame(axes, every)
+    points = every.reshape(-1, 3)
+    if each > 0.0:
+        start, end = (view.project(points - middle) for points in arrow_ends(record, each))
+        draw_forces(axes, start, end, every, LONGEST * record.length, style)
+        points = np.concatenate((points, end))
+    _frame(axes, points)
     return view
 
 
@@ -191,9 +199,9 @@ def _paint(
     )
 
 
-def _frame(axes: Axes, flat: Array) -> None:
-    """Equal scales, no axes, and room for the lines' width all round."""
-    low, high = flat[:, :, :2].min(axis=(0, 1)), flat[:, :, :2].max(axis=(0, 1))
+def _frame(axes: Axes, points: Array) -> None:
+    """Equal scales, no axes, and room for the lines' width all round points (n, 3)."""
+    low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
     half = 1.03 * half
     axes.set_aspect("equal")

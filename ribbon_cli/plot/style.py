@@ -39,6 +39,8 @@ SIDES = ("#8FB4D6", "#E8C38A")
 INK = "#1b1b1b"
 GREY = "#6b6b6b"
 LIGHT_GREY = "#c8c8c8"
+NEGATIVE = "#B00020"
+"""Colour of negative eigenvalues, of what is doubtful, and of forces."""
 
 MILLIMETRES = 25.4
 """In an inch."""

@@ -107,8 +107,9 @@ class Recipe:
     """The card of a recipe.
 
     It makes bands of the half-twists that `fits` takes, in words `half_twists`; an `open` one makes strips
-    with ends instead. For n of them it needs at least `fewest(n)` segments, and a half-width below
-    `widest(n)` times the length; `notes` are remarks on n and a number of segments that are not wrong.
+    with ends instead, and a `resting` one bands that rest on themselves from the beginning. For n of them it
+    needs at least `fewest(n)` segments, and a half-width below `widest(n)` times the length; `notes` are
+    remarks on n and a number of segments that are not wrong.
     `stages` are the names of what it passes through, `passes` the same in words, and `freed` the stage in
     which its last state is freed; these names are keys in runs and never change. `way` is given the band, n
     and the settings. `keys` are its own, besides `segments` and `half_width`.
@@ -128,6 +129,7 @@ class Recipe:
     widest: Callable[[int], float] = lambda _: 1.0
     notes: Callable[[int, int], tuple[str, ...]] = lambda _, __: ()
     open: bool = False
+    resting: bool = False
 
     @property
     def all_keys(self) -> tuple[Key, ...]:

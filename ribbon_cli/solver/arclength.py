@@ -24,12 +24,17 @@ from ..model.band import Array, Band, State
 from ..model.contact import self_contact
 from ..model.problem import Problem
 from ..model.rates import Rates, rates
+from ..model.touching import Shape
+from ..model.touching_audit import audit
 from ..parts import HALF_WIDTH, PARAMETERS
 from .bordered import BorderedSystem
 from .inertia import inertia
 from .kkt import FactorisationError, KKTMatrix
 from .linear import Factor
 from .newton import SETTLED, Guard, change, estimate_multipliers, inverted_facets, iterate_at
+from .resting import RestingProblem, resting_rates
+from .resting_certificate import PENETRATION, certified
+from .resting_kkt import kkt_matrix
 from .saddle_free import newton_step
 from .status import Iterate, Result, Status
 
@@ -104,12 +109,14 @@ class Point(Iterate):
     @cached_property
     def rates(self) -> Rates:
         """Derivatives by the parameter."""
+        if isinstance(self.problem, RestingProblem):
+            return resting_rates(self.problem, self.x, self.multipliers, self.parameter)
         return rates(self.problem, self.x, self.multipliers, self.local.gradient, self.parameter)
 
     @cached_property
     def matrix(self) -> KKTMatrix:
         """The KKT matrix, rotations held."""
-        return KKTMatrix(self.problem, self.local, self.problem.rotations(self.x))
+        return kkt_matrix(self.problem, self.local, self.problem.rotations(self.x))
 
     @cached_property
     def negative(self) -> int | None:
@@ -133,7 +140,9 @@ class Point(Iterate):
 
     @cached_property
     def contact(self) -> bool:
-        """Whether the band touches itself."""
+        """Whether the band touches itself; with contact forces, whether it rests on itself."""
+        if isinstance(self.problem, RestingProblem):
+            return len(self.problem.pairs) > 0
         band, state = self.problem.band, self.state
         return self_contact(
             state.u, state.g, self.problem.end_ruling(self.x), band.half_width, band.h
@@ -153,7 +162,11 @@ class Point(Iterate):
         status = Status.UNDECIDED
         if negative is not None:
             status = Status.MINIMUM if negative == 0 else Status.SADDLE
-        return self.ended(status, negative, steps=self.steps, detail=detail)
+        result = self.ended(status, negative, steps=self.steps, detail=detail)
+        if not isinstance(self.problem, RestingProblem):
+            return result
+        gap, depth = self.problem.gap, PENETRATION * self.problem.band.length
+        return certified(self.problem, result, audit(Shape.of(self.state, gap), gap + depth))
 
 
 def point_at(problem: Problem, x: Array, multipliers: Array, parameter: str = HALF_WIDTH) -> Point:
@@ -214,7 +227,7 @@ def initial_tangent(point: Point, sign: int) -> Tangent:
     Raises FactorisationError where the Hessian is singular.
     """
     problem = point.problem
-    rhs = np.concatenate((-point.rates.gradient, -point.rates.constraints, np.zeros(point.matrix.gauge)))
+    rhs = np.concatenate((-point.rates.gradient, -point.rates.constraints, np.zeros(point.matrix.tail)))
     z = Factor(point.matrix).solve(rhs)
     n = problem.size
     first = unit(point, Tangent(z[:n], -z[n : n + problem.rows], 1.0))
@@ -309,8 +322,15 @@ def moved(base: Point, x: Array, multipliers: Array, value: float) -> Point:
     """A place at another value of a point's parameter. Raises CorrectorError for one that is none."""
     if not math.isfinite(value) or (base.parameter == HALF_WIDTH and value <= 0.0):
         raise CorrectorError(f"it leads to a {base.parameter.replace('_', '-')} of {value:.6g}")
-    problem = Problem(base.problem.band.with_parameter(base.parameter, value))
-    return point_at(problem, x, multipliers, base.parameter)
+    band = base.problem.band.with_parameter(base.parameter, value)
+    return point_at(like(base.problem, band), x, multipliers, base.parameter)
+
+
+def like(problem: Problem, band: Band) -> Problem:
+    """The problem of another band, with the same gaps if there are some."""
+    if isinstance(problem, RestingProblem):
+        return RestingProblem(band, problem.pairs, problem.gap)
+    return Problem(band)
 
 
 def _check_contraction(sizes: list[float]) -> None:

@@ -5,7 +5,8 @@ Pseudo-arclength continuation (H. B. Keller 1977) solves
     [ K   r ] [ z  ]   [ rhs ]        z = (p, -dlambda, gauge),  r = d(residual)/dv,
     [ a'  d ] [ dv ] = [ s   ]        a = M t on the unknowns x, d = m t_v,
 
-where K is singular at a fold and the whole is not. Two eliminations are at hand. The first borders K
+where K is singular at a fold and the whole is not. Of a strip that rests on itself K has the rows of gaps
+and the copies of `resting_kkt`, behind gauge and border. Two eliminations are at hand. The first borders K
 symmetrically, [[K, a], [a', 0]], which is regular at a fold since the tangent t is K's null vector there:
 the row a joins the gauge rows, with the same sparse factorisation and scaling. The second takes K itself.
 Where one of the two matrices is singular on the branch the other is not, but for bifurcations, at which the
@@ -22,8 +23,9 @@ import numpy as np
 from ..model.band import Array
 from ..model.problem import LocalDerivatives, Problem
 from ..model.rates import Rates
-from .kkt import FactorisationError, KKTMatrix
+from .kkt import FactorisationError
 from .linear import Factor
+from .resting_kkt import kkt_matrix
 
 REFINEMENTS = 4
 GOAL = 1e-12
@@ -61,26 +63,30 @@ class BorderedSystem:
         if not (np.isfinite(self._length) and self._length > 0.0):
             raise FactorisationError("the border is zero or not finite")
         unit = covector[:, None] / self._length
-        self._bordered = KKTMatrix(problem, local, np.hstack((self.rotations, unit)))
-        self._column = np.concatenate(
-            (
-                by_parameter.gradient,
-                by_parameter.constraints,
-                np.zeros(self.rotations.shape[1]),
-                [weight / self._length],
-            )
-        )
+        self._bordered = kkt_matrix(problem, local, np.hstack((self.rotations, unit)))
+        self._column = self._vector(by_parameter.gradient, by_parameter.constraints, weight)
         self._factor: Factor | None = None
         self._plain: Factor | None = None
         self._responses: dict[str, Array] = {}
+
+    @property
+    def _row(self) -> int:
+        """Where the row a is."""
+        return int(self.problem.size + self.problem.rows + self.rotations.shape[1])
+
+    def _vector(self, gradient: Array, constraints: Array, level: float) -> Array:
+        """A right-hand side in the order of the bordered matrix."""
+        gauge, copies = self.rotations.shape[1], self._bordered.tail - self._bordered.gauge
+        return np.concatenate(
+            (gradient, constraints, np.zeros(gauge), [level / self._length], np.zeros(copies))
+        )
 
     def solve(self, gradient: Array, constraints: Array, level: float) -> tuple[Array, Array, float]:
         """Step p (7N,), change of the multipliers (5N+3,) and of v for right-hand sides (7N,), (5N+3,) and s.
 
         Raises FactorisationError if neither elimination is accurate.
         """
-        gauge = self.rotations.shape[1]
-        rhs = np.concatenate((gradient, constraints, np.zeros(gauge), [level / self._length]))
+        rhs = self._vector(gradient, constraints, level)
         best, best_error = (np.zeros_like(rhs), 0.0), np.inf
         for eliminate in self._eliminations:
             try:
@@ -134,23 +140,24 @@ class BorderedSystem:
             self._responses["bordered"] = self._factor.solve(self._column)
         response = self._responses["bordered"]
         y = self._factor.solve(rhs)
-        if response[-1] == 0.0:
+        if response[self._row] == 0.0:
             raise FactorisationError("the bordered system is singular")
-        width = float(y[-1] / response[-1])
+        width = float(y[self._row] / response[self._row])
         y = y - width * response
-        y[-1] = 0.0
+        y[self._row] = 0.0
         return y, width
 
     def _by_plain(self, rhs: Array) -> tuple[Array, float]:
         """Eliminate by K itself."""
+        at = self._row
         if self._plain is None:
-            self._plain = Factor(KKTMatrix(self.problem, self.local, self.rotations))
-            self._responses["plain"] = self._plain.solve(self._column[:-1])
+            self._plain = Factor(kkt_matrix(self.problem, self.local, self.rotations))
+            self._responses["plain"] = self._plain.solve(np.delete(self._column, at))
         response, row = self._responses["plain"], self._bordered.rotations[:, -1]
-        y = self._plain.solve(rhs[:-1])
+        y = self._plain.solve(np.delete(rhs, at))
         n = self.problem.size
-        pivot = float(self._column[-1] - row @ response[:n])
+        pivot = float(self._column[at] - row @ response[:n])
         if pivot == 0.0:
             raise FactorisationError("the bordered system is singular")
-        width = float(rhs[-1] - row @ y[:n]) / pivot
-        return np.append(y - width * response, 0.0), width
+        width = float(rhs[at] - row @ y[:n]) / pivot
+        return np.insert(y - width * response, at, 0.0), width

@@ -21,8 +21,9 @@ from .arclength import (
     correct,
     tangent_from,
 )
-from .branch_events import VALUE, WIDTH, Event, Segment, events_of
+from .branch_events import VALUE, WIDTH, Event, Segment, events_of, value_type
 from .newton import Guard
+from .resting_branch import Cut, last_allowed, onward, pairs_of
 
 LARGEST_TURN = 0.45
 WANTED_TURN = 0.2
@@ -96,7 +97,8 @@ class End:
 class Advance:
     """One step: its events in order, and its end point with the tangent there, unless the branch ends before.
 
-    `length` is the step's, `following` that to be tried next. `refused` says why longer steps were not taken.
+    `length` is the step's, `following` that to be tried next. `refused` says why longer steps were not taken,
+    `changes` which contacts end and begin within it.
     """
 
     events: tuple[Event, ...]
@@ -106,16 +108,24 @@ class Advance:
     following: float
     refused: tuple[Happening, ...]
     end: End | None
+    changes: tuple[Happening, ...] = ()
 
 
 def advance(base: Point, tangent: Tangent, length: float, options: BranchOptions) -> Advance:
-    """Take one step from a point of a branch along its unit tangent, of `length` or shorter."""
+    """Take one step from a point of a branch along its unit tangent, of `length` or shorter.
+
+    Of a band with contact forces it ends where the gaps that are kept change, a little beyond that place.
+    """
     refused: list[Happening] = []
     length = min(max(length, options.least_step), options.largest_step)
+    values = (*options.values, options.low, options.high)
     while True:
         try:
             segment = _attempt(base, tangent, length, options.guard)
-            found = events_of(segment, (*options.values, options.low, options.high))
+            cut = last_allowed(segment)
+            if cut is not None:
+                return _changed(cut, length, values, options, tuple(refused))
+            found = events_of(segment, values)
             break
         except ArithmeticError as error:  # those of corrector, factorisation, location, and division by zero
             start = {"symbol": base.symbol, "start": base.value}
@@ -129,6 +139,49 @@ def advance(base: Point, tangent: Tangent, length: float, options: BranchOptions
     if end is not None:
         return Advance(events, None, None, segment.length, following, tuple(refused), end)
     return Advance(events, segment.end, segment.end_tangent, segment.length, following, tuple(refused), None)
+
+
+def _changed(
+    cut: Cut, length: float, values: tuple[float, ...], options: BranchOptions, refused: tuple[Happening, ...]
+) -> Advance:
+    """A step that ends where its gaps do, and goes on with others. Raises ArithmeticError."""
+    part = cut.segment
+    found = events_of(part, values) if part.length else ()
+    events, end = _until_end(found, options)
+    if end is not None:
+        return Advance(events, None, None, part.length, length, refused, end)
+    after = onward(part.end, part.end_tangent, values)
+    old, new = (len(pairs_of(point)) for point in (part.end, after.point))
+    more: list[Event] = []
+    if bool(old) != bool(new):
+        what, where = "touch" if new else "lift", (part.end, part.end_tangent, part.length)
+        more.append(Event(what, *where, begins=new > 0, bracket=cut.bracket))
+    gone = part.length + after.length
+    if after.point.value in values:
+        more.append(Event(value_type(after.point), after.point, after.tangent, gone))
+    events, end = _until_end((*events, *more), options)
+    if end is not None:
+        return Advance(events, None, None, gone, length, refused, end)
+    return Advance(
+        events,
+        after.point,
+        after.tangent,
+        gone,
+        length,
+        refused,
+        None,
+        _contacts_change(part.end, after.point),
+    )
+
+
+def _contacts_change(before: Point, after: Point) -> tuple[Happening, ...]:
+    """What became of contacts, where there are some on both sides."""
+    old, new = (set(pairs_of(point).names()) for point in (before, after))
+    if not (old and new) or old == new:
+        return ()
+    here, there = (f"{point.symbol} = {point.value:.12g}" for point in (before, after))
+    facts = {"before": len(old), "after": len(new), "gone": len(old - new), "new": len(new - old)}
+    return (happening("contacts-change", here=here, there=there, **facts),)
 
 
 def _attempt(base: Point, tangent: Tangent, length: float, guard: Guard | None) -> Segment:
@@ -196,7 +249,7 @@ def reason_to_end(
         return Reason.FOLD
     if loses and Reason.STABILITY_LOST in wanted:
         return Reason.STABILITY_LOST
-    if type == "contact" and begins and Reason.CONTACT in wanted:
+    if type in ("contact", "touch") and begins and Reason.CONTACT in wanted:
         return Reason.CONTACT
     if type in (WIDTH, VALUE) and value in (options.low, options.high):
         return Reason.RANGE

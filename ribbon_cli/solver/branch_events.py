@@ -57,7 +57,7 @@ class LocationError(ArithmeticError):
 @dataclass(frozen=True, eq=False)
 class Event:
     """A place on a branch: `type` is fold, branch-point, contact, or width (value, of other parameters than
-    the half-width).
+    the half-width); with contact forces touch or lift, the last place before they begin or end.
 
     `position` is s within the step. At folds and branch points `before` and `after` are the indices on
     either side, and `mode` is the direction that is soft there (along the branch at a fold). `begins` tells
@@ -299,9 +299,12 @@ def _value(segment: Segment, p: float, low: float, high: float) -> Event:
         s = _root(lambda s: segment.at(s).value - p, low, high, WIDTH_ACCURACY * segment.length)
     near = segment.at(s)
     point = correct_at(near, (near.x, near.multipliers, p))
-    return Event(
-        WIDTH if point.parameter == HALF_WIDTH else VALUE, point, tangent_from(point, segment.tangent), s
-    )
+    return Event(value_type(point), point, tangent_from(point, segment.tangent), s)
+
+
+def value_type(point: Point) -> str:
+    """The type of an event at a value of a point's parameter."""
+    return WIDTH if point.parameter == HALF_WIDTH else VALUE
 
 
 def _contact(segment: Segment) -> Event:

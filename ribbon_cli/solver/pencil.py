@@ -19,6 +19,7 @@ from ..model.problem import LocalDerivatives, Problem
 from .inertia import BlockReduction, Inertia, NodeMetric
 from .kkt import FactorisationError, KKTMatrix
 from .linear import Factor
+from .resting_kkt import kkt_matrix
 
 CROWD = 2
 """Eigenvalues, relative to those wanted, that may lie between a shift and its mirror image."""
@@ -30,7 +31,8 @@ whose errors cancel."""
 
 
 class Pencil:
-    """Hessian W and metric M of a problem at a point, restricted to moves that keep the constraints.
+    """Hessian W and metric M of a problem at a point, restricted to moves that keep the constraints, and
+    gaps that are kept.
 
     `hessian` and `mass` are sparse (7N, 7N); rotations (7N, r) are held. Raises FactorisationError where the
     derivatives are not finite.
@@ -39,7 +41,7 @@ class Pencil:
     def __init__(self, problem: Problem, x: Array, local: LocalDerivatives, metric: Metric) -> None:
         self.problem, self.local = problem, local
         self.rotations = problem.rotations(x)
-        self.matrix = KKTMatrix(problem, local, self.rotations)
+        self.matrix = kkt_matrix(problem, local, self.rotations)
         if not np.isfinite(self.matrix.upper.data).all():
             raise FactorisationError("the KKT matrix is not finite")
         self.hessian = problem.hessian_matrix(local)

@@ -223,3 +223,14 @@ def split(state: State) -> Start:
     u = np.repeat(state.u, 2, axis=0)
     g = np.stack((state.g, 0.5 * (state.g + state.next_rulings())), axis=1).reshape(-1, 3)
     return Start(State(new, u, g, np.repeat(state.xi, 2), state.g_end), "facets split in two")
+
+
+def divided(state: State, parts: int) -> State:
+    """The same surface with every facet cut into equal parts: rulings between two are their mixtures."""
+    if parts == 1:
+        return state
+    new = state.band.with_segments(parts * state.band.segments)
+    weights = (np.arange(parts) / parts)[:, None]
+    g = (1.0 - weights) * state.g[:, None] + weights * state.next_rulings()[:, None]
+    u, xi = np.repeat(state.u, parts, axis=0), np.repeat(state.xi, parts)
+    return State(new, u, g.reshape(-1, 3), xi, state.g_end)

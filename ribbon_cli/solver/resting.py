@@ -14,12 +14,24 @@ import numpy as np
 import scipy
 
 from ..model.band import Array, Band
+from ..model.ends import TURNS, finish_rate
 from ..model.problem import LocalDerivatives, Problem
 from ..model.rates import Rates, rates
+from ..model.reactions import Reactions, reactions
 from ..model.touching import Shape
-from ..model.touching_gaps import Gaps, Pairs, arguments, gaps, vectors
+from ..model.touching_gaps import RULING, Gaps, Pairs, arguments, gaps, vectors
 from ..parts import HALF_WIDTH
-from .resting_kkt import Copies, RestingDerivatives, Touched, copy_columns, pulled_back
+from .resting_kkt import (
+    Copies,
+    RestingDerivatives,
+    Touched,
+    copy_columns,
+    pulled_back,
+    pulled_with_data,
+)
+
+GAP = "gap"
+"""Name of the kept gap among parameters."""
 
 
 class RestingProblem(Problem):
@@ -45,9 +57,22 @@ class RestingProblem(Problem):
 
     def pull(self, local: Array) -> Array:
         """The sum (7N,) of gradients (k,6,3) in the gaps' six vectors, in x."""
-        on_copies = np.zeros((len(self.copies.kind), 3))
-        np.add.at(on_copies, self.copies.slot.ravel(), local.reshape(-1, 3))
-        return pulled_back(self.base, self.copies, on_copies)
+        return pulled_back(self.base, self.copies, self._on_copies(local))
+
+    def pull_with_data(self, local: Array) -> Array:
+        """The same in unknowns that are held, and in data, as well."""
+        return pulled_with_data(self.base, self.copies, self._on_copies(local))
+
+    def _on_copies(self, local: Array) -> Array:
+        out = np.zeros((len(self.copies.kind), 3))
+        np.add.at(out, self.copies.slot.ravel(), local.reshape(-1, 3))
+        return out
+
+    def rows_of(self, local: Array) -> Array:
+        """Each of gradients (k,6,3) in x: the rows (k,7N) of gaps."""
+        alone = np.eye(len(local))[:, :, None, None] * local
+        out: Array = np.array([self.pull(row) for row in alone]).reshape(len(local), self.size)
+        return out
 
     def constraints(self, x: Array) -> Array:
         """Constraint values as in (2.19), then gaps less what they are to be."""
@@ -82,14 +107,7 @@ class RestingProblem(Problem):
         own = self.base.jacobian_matrix(local.free)
         if local.touched is None:
             return own
-        rows = np.array(
-            [
-                self.pull(
-                    np.where(np.arange(len(self.pairs))[:, None, None] == k, local.touched.jacobian, 0.0)
-                )
-                for k in range(len(self.pairs))
-            ]
-        )
+        rows = self.rows_of(local.touched.jacobian)
         return scipy.sparse.csc_matrix(scipy.sparse.vstack((own, scipy.sparse.csc_matrix(rows))))
 
     def hessian_matrix(self, local: LocalDerivatives) -> scipy.sparse.csc_matrix:
@@ -122,8 +140,12 @@ class RestingProblem(Problem):
 
 
 def resting_rates(problem: RestingProblem, x: Array, multipliers: Array, name: str) -> Rates:
-    """The derivatives by a parameter with gaps; dE/db has -f.dg/db. See `model.rates`."""
+    """The derivatives by a parameter, or by the gap that is kept; dE/db has -f.dg/db, and dE/dt is the sum of
+    forces. See `model.rates`."""
     own, forces = problem.split(multipliers)
+    if name == GAP:
+        rows = np.concatenate((np.zeros(own.size), np.full(forces.size, -1.0)))
+        return Rates(float(forces.sum()), np.zeros(problem.size), rows, 0.0)
     energy_gradient = problem.base.local_derivatives(x, None).gradient
     found = rates(problem.base, x, own, energy_gradient, name)
     by_gap = np.zeros(len(forces))
@@ -134,4 +156,31 @@ def resting_rates(problem: RestingProblem, x: Array, multipliers: Array, name: s
         lagrangian -= float(forces @ at.rate)
         gradient = gradient - problem.pull(forces[:, None, None] * at.rate_gradient)
         second -= float(forces @ at.rate_second)
+    if name in TURNS and forces.size:
+        by_gap, pushed, bent = _turning(problem, x, name)
+        lagrangian -= float(forces @ by_gap)
+        gradient = gradient - problem.pull(forces[:, None, None] * pushed)
+        second -= float(forces @ bent)
     return Rates(lagrangian, gradient, np.concatenate((found.constraints, by_gap)), second)
+
+
+def _turning(problem: RestingProblem, x: Array, name: str) -> tuple[Array, Array, Array]:
+    """Derivatives of gaps by an angle of a strip's end: (k,), of their gradients (k,6,3), and twice, (k,).
+    They depend on it where they touch the end's ruling."""
+    at, ends = problem.gaps(x), problem.band.parts.ends
+    assert ends is not None
+    held = (problem.what.kind == RULING) & (problem.what.number == problem.band.segments)
+    once, twice = (held[..., None] * finish_rate(ends, name, order).ruling for order in (1, 2))
+    pushed = np.einsum("kst,kt->ks", at.hessian, once.reshape(-1, 18)).reshape(-1, 6, 3)
+    bent = (pushed * once).sum(axis=(1, 2)) + (at.gradient * twice).sum(axis=(1, 2))
+    return (at.gradient * once).sum(axis=(1, 2)), pushed, bent
+
+
+def resting_reactions(problem: RestingProblem, x: Array, multipliers: Array) -> Reactions:
+    """The reactions of a strip that rests on itself, with forces after the multipliers.
+
+    Contact forces balance each other: they are in a reaction only where a clamp's own ruling is touched.
+    """
+    own, forces = problem.split(multipliers)
+    pull = problem.pull_with_data(forces[:, None, None] * problem.gaps(x).gradient)
+    return reactions(problem.base, x, own, pull)

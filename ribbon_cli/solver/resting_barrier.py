@@ -20,18 +20,19 @@ ROOM = 0.004
 
 
 class BarrierProblem(Problem):
-    """A problem with the barrier over pairs nearer than `reach` in its energy."""
+    """A problem with the barrier over pairs nearer than `reach`, beyond the gap that they are to keep, in its
+    energy."""
 
-    def __init__(self, band: Band, reach: float) -> None:
+    def __init__(self, band: Band, reach: float, gap: float = 0.0) -> None:
         super().__init__(band)
         self.base = Problem(band)
-        self.reach = reach
+        self.reach, self.gap = reach, gap
         self.kappa = STIFFNESS * reach
         self._near: Neighbourhood | None = None
 
     def shape(self, x: Array) -> Shape:
         """The features at x (7N,)."""
-        return Shape.of(self.state(x))
+        return Shape.of(self.state(x), self.gap)
 
     def _around(self, *shapes: Shape) -> Neighbourhood:
         """Neighbours that cover shapes; made anew, about the first, where the bound on motion is passed."""
@@ -39,24 +40,28 @@ class BarrierProblem(Problem):
         if near is None or not all(near.covers(shape) for shape in shapes):
             room = ROOM * self.band.length
             far = max(float(np.linalg.norm(s.vertices - shapes[0].vertices, axis=1).max()) for s in shapes)
-            near = self._near = Neighbourhood.of(shapes[0], self.reach, max(room, 1.001 * far))
+            near = self._near = Neighbourhood.of(shapes[0], self.gap + self.reach, max(room, 1.001 * far))
         return near
 
     def allows(self, x: Array, y: Array) -> bool:
-        """Whether nothing meets on the straight way from x to y (7N,)."""
+        """Whether nothing meets on the straight way from x to y (7N,), and nothing is nearer than the gap
+        there."""
         before, after = self.shape(x), self.shape(y)
-        return not self._around(before, after).passes(before, after)
+        around = self._around(before, after)
+        if self.gap and len(nearest(after, around.features, self.gap)):
+            return False
+        return not around.passes(before, after)
 
     def near(self, x: Array) -> Pairs:
         """The pairs within the reach."""
         shape = self.shape(x)
-        return nearest(shape, self._around(shape).features, self.reach)
+        return nearest(shape, self._around(shape).features, self.gap + self.reach)
 
     def forces(self, x: Array, pairs: Pairs) -> Array:
         """What pairs within the reach push with."""
         what = arguments(pairs)
         value = gaps(vectors(self.shape(x), what), what, pairs.sign, self.band.half_width).value
-        out: Array = -self.kappa / self.reach * barrier(value / self.reach)[1]
+        out: Array = -self.kappa / self.reach * barrier((value - self.gap) / self.reach)[1]
         return out
 
     def local_derivatives(self, x: Array, multipliers: Array | None) -> LocalDerivatives:
@@ -68,7 +73,7 @@ class BarrierProblem(Problem):
             return RestingDerivatives(**own, base=self.base, free=free, touched=None)
         what = arguments(pairs)
         found = gaps(vectors(self.shape(x), what), what, pairs.sign, self.band.half_width)
-        value, first, second = barrier(np.maximum(found.value / self.reach, 1e-300))
+        value, first, second = barrier(np.maximum((found.value - self.gap) / self.reach, 1e-300))
         first, second = self.kappa / self.reach * first, self.kappa / self.reach**2 * second
         copies = Copies.of(what)
         on_copies = np.zeros((len(copies.kind), 3))

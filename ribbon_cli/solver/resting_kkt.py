@@ -84,11 +84,11 @@ class RestingDerivatives(LocalDerivatives):
     free: LocalDerivatives
     touched: Touched | None
 
-    def pushed(self) -> RestingDerivatives:
-        """The same without the rows of gaps: what forces add to the Hessian stays."""
+    def keeping(self, count: int) -> RestingDerivatives:
+        """The same with the rows of the first gaps only: what forces add to the Hessian stays."""
         if self.touched is None:
             return self
-        return replace(self, touched=replace(self.touched, jacobian=self.touched.jacobian[:0]))
+        return replace(self, touched=replace(self.touched, jacobian=self.touched.jacobian[:count]))
 
 
 def copy_columns(problem: Problem, copies: Copies) -> tuple[IntArray, IntArray, Array]:
@@ -115,8 +115,15 @@ def copy_columns(problem: Problem, copies: Copies) -> tuple[IntArray, IntArray, 
 
 def pulled_back(problem: Problem, copies: Copies, forces: Array) -> Array:
     """C^T-like: what forces (c,3) on copies are on x (7N,), copies of positions summed along the strip."""
+    flat = pulled_with_data(problem, copies, forces)[: problem.size]
+    flat[problem.fixed] = 0.0
+    return flat
+
+
+def pulled_with_data(problem: Problem, copies: Copies, forces: Array) -> Array:
+    """The same on what is held as well, and on data: t_A, g_1 and t_B of a strip."""
     h, n, strip = problem.band.h, problem.band.segments, problem.stencil.seam.strip
-    out = np.zeros((n, 7))
+    out, data = np.zeros((n, 7)), np.zeros(problem.stencil.seam.data)
     on_nodes = np.zeros((n + 2, 3))
     nodes = copies.kind == NODE
     np.add.at(on_nodes, copies.number[nodes], forces[nodes])
@@ -124,11 +131,12 @@ def pulled_back(problem: Problem, copies: Copies, forces: Array) -> Array:
     out[:, :3] += h * later[1 : n + 1]
     tangents = copies.kind == TANGENT
     np.add.at(out[:, :3], copies.number[tangents], forces[tangents])
-    rulings = (copies.kind == RULING) & ~((copies.number == 0) & strip)
+    start = (copies.kind == RULING) & (copies.number == 0) & strip
+    rulings = (copies.kind == RULING) & ~start
     np.add.at(out[:, 3:6], copies.number[rulings] % n, forces[rulings])
-    flat = out.ravel()
-    flat[problem.fixed] = 0.0
-    return flat
+    if start.any():
+        data[3:6] = forces[start].sum(axis=0)
+    return np.concatenate((out.ravel(), data))
 
 
 @dataclass(frozen=True, eq=False)

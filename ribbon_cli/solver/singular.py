@@ -17,8 +17,9 @@ import numpy as np
 
 from ..model.band import Array
 from .arclength import GOAL, Point, Tangent, point_at, shape_weights
-from .kkt import FactorisationError, KKTMatrix
+from .kkt import FactorisationError
 from .linear import Factor
+from .resting_kkt import kkt_matrix
 from .saddle_free import start_vector
 from .spectra import SLIDING_OVERLAP, lowest_spectrum, sliding_overlap
 
@@ -87,14 +88,15 @@ def settled(point: Point, c: Array) -> Point:
 
 
 def _bordered_solution(point: Point, c: Array, gradient: Array, constraints: Array, level: float) -> Array:
-    """z = (p, -dlambda, gauge, g |c|) of the system bordered by c / |c|.
+    """z = (p, -dlambda, gauge, g |c|) of the system bordered by c / |c|, without copies for gaps.
 
     The right-hand sides are (7N,), (5N+3,) and that of the last row.
     """
     rotations = point.problem.rotations(point.x)
-    matrix = KKTMatrix(point.problem, point.local, np.hstack((rotations, c[:, None] / np.linalg.norm(c))))
-    rhs = np.concatenate((gradient, constraints, np.zeros(rotations.shape[1]), [level]))
-    return Factor(matrix).solve(rhs)
+    matrix = kkt_matrix(point.problem, point.local, np.hstack((rotations, c[:, None] / np.linalg.norm(c))))
+    copies = np.zeros(matrix.tail - matrix.gauge)
+    rhs = np.concatenate((gradient, constraints, np.zeros(rotations.shape[1]), [level], copies))
+    return Factor(matrix).solve(rhs)[: rhs.size - copies.size]
 
 
 def with_multipliers(point: Point, x: Array) -> Tangent:

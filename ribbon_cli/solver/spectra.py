@@ -3,6 +3,11 @@
 In the thesis' `euclidean` metric eigenvalues scale with h; in the `physical` one they converge as N grows.
 Rigid rotations, exact zero modes, are listed with the rest and labelled. Every value comes with a bound of
 its error, and the lowest few are counted by inertia, so that none is missing.
+
+Of a strip that rests on itself the Hessian has what forces add, and modes keep its gaps: `RestingProblem` and
+its derivatives, with forces after the multipliers, are passed like any other. Sliding along the band is a
+symmetry of the continuum there as well, but vertices that lie on facets hold it on a grid: no mode has its
+name where none is that move.
 """
 
 from __future__ import annotations
@@ -247,7 +252,8 @@ def _lowest(pencil: Pencil, count: int) -> _Found:
     At a minimum those of the inverse itself are the largest, and one reduction of K serves in every metric.
     Elsewhere, and where many are nearly equal, a shift below all of them is looked for.
     """
-    dimension = 7 * pencil.problem.band.segments - pencil.matrix.border - int(pencil.problem.fixed.sum())
+    problem = pencil.problem
+    dimension = problem.size - problem.rows - pencil.matrix.gauge - int(problem.fixed.sum())
     count = min(count, dimension)
     here = pencil.count_below(0.0)
     minimum = here.trusted and here.negative == 0

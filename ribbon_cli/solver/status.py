@@ -27,6 +27,7 @@ class Status(Enum):
     CONSTRUCTED = "constructed"
     OTHER_SHAPE = "other-shape"
     GAP_LOST = "gap-lost"
+    NO_REST = "no-rest"
 
     @property
     def sentence(self) -> str:
@@ -47,6 +48,7 @@ _SENTENCES = {
     Status.CONSTRUCTED: "Made by folding, cutting, turning or joining, and not solved for.",
     Status.OTHER_SHAPE: "Converged to a shape of the same linking number that is not the one asked for.",
     Status.GAP_LOST: "The band crosses itself: a gap between its facets was lost.",
+    Status.NO_REST: "No shape was found that rests on itself.",
 }
 
 STATIONARY = (Status.MINIMUM, Status.SADDLE, Status.UNDECIDED)

@@ -1,7 +1,8 @@
 """Dense bases of the moves that keep the constraints and are no rotation: K of Koldaev (2022), (2.57).
 
 Of closed bands they are given by the strip's own coordinates, in which quadratic forms and moves take O(N^2)
-operations; of other problems by a QR factorisation of the constraints' normals, O(N^3).
+operations; of other problems by a QR factorisation of the constraints' normals, O(N^3). Gaps that are kept
+take out of either the moves that change them, O(N^3) as well.
 """
 
 from __future__ import annotations
@@ -16,7 +17,11 @@ from ..model.problem import LocalDerivatives, Problem
 from ..model.stencil import Seam
 from ..model.tangents import Tangents
 from .inertia import NodeMetric
+from .resting_kkt import RestingDerivatives
 from .saddle_free import null_space
+
+DEPENDENT = 1e-9
+"""Sine of the angle between a gap's gradient and the space of others below which it depends on them."""
 
 
 class Basis(Protocol):
@@ -34,6 +39,9 @@ class Basis(Protocol):
 
 def tangent_basis(problem: Problem, x: Array, local: LocalDerivatives) -> Basis:
     """A basis at x (7N,). Raises LinAlgError if there is none."""
+    if isinstance(local, RestingDerivatives):
+        free = tangent_basis(local.base, x, local.free)
+        return free if local.touched is None else RestingBasis(problem, local, free)
     if problem.stencil.seam is Seam.CLOSED and not problem.fixed.any():
         return FoldedBasis(problem, x, local)
     return NormalBasis(problem, x, local)
@@ -59,6 +67,18 @@ class NormalBasis:
         """See `Basis`."""
         out: Array = self._basis.T @ (matrix @ self._basis)
         return out
+
+
+class RestingBasis(NormalBasis):
+    """The moves of a basis that keep gaps as well, which may depend on each other."""
+
+    def __init__(self, problem: Problem, local: RestingDerivatives, free: Basis) -> None:
+        rows = problem.jacobian_matrix(local)[local.base.rows :].toarray()
+        normals = free.pull(rows.T)
+        normals /= np.linalg.norm(normals, axis=0)
+        q, r, _ = scipy.linalg.qr(normals, pivoting=True, check_finite=False)
+        rank = int((np.abs(np.diag(r)) > DEPENDENT).sum())
+        self._basis = free.moves(q[:, rank:])
 
 
 class FoldedBasis:

@@ -2,6 +2,7 @@ from . import log as log
 from . import pack as pack
 from . import refs as refs
 from .atomic import write_atomic as write_atomic
+from .contacts import Contacts as Contacts
 from .content import content_sha256 as content_sha256
 from .hdf5 import decode as decode
 from .hdf5 import encode as encode

@@ -11,8 +11,10 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from ribbon_cli.parts import FINISHES, STARTS, Ends, Loads, Material, Parts
+from ribbon_cli.store.contacts import Contacts
 from ribbon_cli.store.layout import (
     BRANCH,
+    CONTACTS,
     DIMENSIONS,
     ENDS,
     LOADS,
@@ -20,6 +22,7 @@ from ribbon_cli.store.layout import (
     SPECTRUM,
     STATE,
     Item,
+    as_with_forces,
     provenance_item,
 )
 from ribbon_cli.store.record import METRICS, BranchRecord, SpectrumRecord, StateRecord
@@ -150,7 +153,10 @@ def flatten(record: StateRecord) -> list[Field]:
 
     Raises ValueError where a value does not fit layout.py.
     """
-    fields = list(_record_fields(record, STATE, _dims(record.segments)))
+    of_state, of_branch = STATE, BRANCH
+    if record.contacts is not None:
+        of_state, of_branch = as_with_forces(STATE), as_with_forces(BRANCH)
+    fields = list(_record_fields(record, of_state, _dims(record.segments)))
     for items, part in _kept(record.parts):
         fields += _record_fields(part, items, {})
     for spectrum in record.spectra:
@@ -158,7 +164,9 @@ def flatten(record: StateRecord) -> list[Field]:
         fields += _record_fields(spectrum, _spectrum_items(spectrum.metric), dims)
         _check_modes(spectrum.metric, dims)
     if record.branch is not None:
-        fields += _record_fields(record.branch, BRANCH, _dims(record.segments))
+        fields += _record_fields(record.branch, of_branch, _dims(record.segments))
+    if record.contacts is not None:
+        fields += _record_fields(record.contacts, CONTACTS, {})
     for key in sorted(record.provenance):
         if not _KEY.fullmatch(key):
             raise ValueError(f"provenance key {key!r} must be lower-case letters, digits and underscores")
@@ -186,6 +194,8 @@ def _scale(dim: str, size: int, h: float) -> Value:
 
     if dim == "xyz":
         return ("x", "y", "z")
+    if dim == "feature":
+        return ("kind", "number")
     if dim == "unknown":
         return ("u_x", "u_y", "u_z", "g_x", "g_y", "g_z", "xi")
     if DIMENSIONS[dim].dtype == "int64":
@@ -244,8 +254,12 @@ def assemble(values: Mapping[str, Value], event_kinds: tuple[str, ...] | None = 
     branch = None
     if any(path.startswith("/branch/") for path in values):
         branch = BranchRecord(**_record_values(values, BRANCH, _dims(n)))
+    contacts = None
+    if any(path.startswith("/contacts/") for path in values):
+        contacts = Contacts(**_record_values(values, CONTACTS, {}))
     fields = _record_values(values, STATE, _dims(n))
     fields |= {"spectra": tuple(spectra), "branch": branch, "event_kinds": event_kinds}
+    fields["contacts"] = contacts
     fields["parts"] = _parts(values)
     record = StateRecord(**fields, provenance=_provenance(values))
     _check_scales(values, record)

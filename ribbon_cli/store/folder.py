@@ -24,7 +24,7 @@ RESOLVED = "resolved.yaml"
 LOG = "log.jsonl"
 STATES = "states"
 RUN_FORMAT = "ribbon-run"
-RUN_FORMAT_VERSION = "1.3"
+RUN_FORMAT_VERSION = "1.4"
 
 RUN_FOLDER = re.compile(r"(?P<name>.+)-[0-9a-f]{8}(?P<aside>\.old-\d+)?")
 """Name of a run's folder."""

@@ -5,11 +5,12 @@ An item's record field is the last part of its path, so that no second list of n
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cache
 from typing import Literal
 
 FORMAT = "ribbon-state"
-FORMAT_VERSION = "1.3"
+FORMAT_VERSION = "1.4"
 """major.minor: readers refuse a newer major, and skip what a newer minor adds."""
 
 Dtype = Literal["float64", "int64", "bool", "utf-8"]
@@ -20,7 +21,7 @@ class Dimension:
     """An axis that arrays share, with the dataset that is its scale in every group of such arrays.
 
     `size` is a number or a symbol: N facets, N+1 nodes with both ends of the seam, k eigenvalues, m stored
-    modes, e events.
+    modes, e events, c contacts.
     """
 
     size: str | int
@@ -40,6 +41,8 @@ DIMENSIONS = {
     "event": Dimension("e", "int64", "none", "number of the event"),
     "eigenvalue": Dimension("k", "int64", "none", "number of the eigenvalue, ascending"),
     "mode": Dimension("m", "int64", "none", "number of the eigenvalue that the mode belongs to"),
+    "contact": Dimension("c", "int64", "none", "number of the contact"),
+    "feature": Dimension(2, "utf-8", "none", "kind and number of a feature"),
 }
 """Dimensions by name; a scale's dataset bears the name of its dimension.
 
@@ -55,6 +58,7 @@ SIGNALS = {
     "/geometry": "kappa_s",
     "/spectra/euclidean": "values",
     "/spectra/physical": "values",
+    "/contacts": "force",
 }
 """The array that a viewer shows of a group, as in NeXus; the group's `axes` are that array's dimensions."""
 
@@ -301,7 +305,54 @@ BRANCH = _items((
      "the parameter in which the branch is followed; absent: the half-width"),
 ))
 """Datasets of a point on a branch: all of those that are not optional, or none."""
+
+CONTACTS = _items((
+    ("/contacts/first", "int64", "contact feature", "", "",
+     "the feature that each gap is measured from, a vertex or an edge: its kind (0 vertex, 1 edge, 2 facet) "
+     "and its number from 0: vertex 2k is r_k - b g_k and 2k + 1 is r_k + b g_k, edge 3k the ruling at node "
+     "k, edges 3k + 1 and 3k + 2 the lower and the upper side of facet k"),
+    ("/contacts/second", "int64", "contact feature", "", "",
+     "the feature that it is measured to, likewise; a facet is always the second"),
+    ("/contacts/sign", "int64", "contact", "", "g = s D.n",
+     "+1 or -1, the sign s with which the gap is positive on the side where the features are to stay"),
+    ("/contacts/force", "float64", "contact", "", "L = Q - lambda.c - f.(g - gap)",
+     "multiplier f of the kept gap, in 1/length; f >= 0 pushes the features apart"),
+    ("/contacts/value", "float64", "contact", "", "g = s D.n",
+     "the gap, in the unit of `length`, with n = (p x q)/|p x q|: D leads from the second feature to the "
+     "first, p and q are u and g of the facet, or the directions of the edges; of a vertex with an edge or a "
+     "vertex, their distance"),
+    ("/contacts/gap", "float64", "", "", "g = gap",
+     "what each gap is kept at, 0 or the least distance asked for, in the unit of `length`"),
+    ("/contacts/excluded", "float64", "", "", "0.005 l + (pi/2) gap",
+     "distance on the flat strip from which pairs of features count, in the unit of `length`"),
+    ("/contacts/clearance", "float64", "", "", "",
+     "least distance of features that count, in the unit of `length`; 0 where they cross"),
+    ("/contacts/penetration", "float64", "", "", "",
+     "greatest depth of an edge through a facet over all pairs that count, in the unit of `length`"),
+))
+"""Datasets of a band computed with contact forces, whether it touches itself or not: all, or none."""
+
+_WITH_FORCES = {
+    "/certificate/certified":
+     "stationary with forces within tolerance, no force pulls, no crossing, positive definite on the null "
+     "space of constraints and kept gaps, and no facet inverted",
+    "/certificate/constraint_residual": "largest component of the constraints, and of the gaps less `gap`",
+    "/certificate/negative_eigenvalues":
+     "negative eigenvalues of the projected Hessian, kept gaps being among the constraints, rotations left "
+     "out, sliding counted; absent: unknown",
+    "/topology/self_contact": "whether the band rests on itself or crosses itself",
+    "/topology/clearance": "as /contacts/clearance",
+    "/branch/type": "step, width or value (asked for), fold, branch-point, touch or lift",
+}
+"""Descriptions of datasets that mean something else where there are contact forces."""
 # fmt: on
+
+
+@cache
+def as_with_forces(items: tuple[Item, ...]) -> tuple[Item, ...]:
+    """The items as a band computed with contact forces has them."""
+    return tuple(replace(item, description=_WITH_FORCES.get(item.path, item.description)) for item in items)
+
 
 PROVENANCE = {
     "argv": "command line",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import io
 import math
 import struct
@@ -16,6 +17,7 @@ import numpy as np
 from ribbon_cli.errors import StoreError
 from ribbon_cli.parts import FINISHES, FREE, STARTS, Ends, Loads, Material, Parts
 from ribbon_cli.store.atomic import write_atomic
+from ribbon_cli.store.contacts import Contacts
 from ribbon_cli.store.content import content_sha256
 from ribbon_cli.store.hdf5 import MAX_BYTES
 from ribbon_cli.store.record import REACTIONS, StateRecord
@@ -46,6 +48,7 @@ SCALARS = (
 
 _PARTS: dict[str, type[Ends | Material | Loads]] = {"ends": Ends, "material": Material, "loads": Loads}
 _PART_FIELDS = tuple(f"{part}_{name}" for part, kind in _PARTS.items() for name in vars(kind()))
+_CONTACTS = tuple(f"contact_{field.name}" for field in dataclasses.fields(Contacts))
 _SHAPES: dict[str, tuple[str | int, ...]] = {
     **dict.fromkeys(("u", "g"), ("N", 3)),
     **dict.fromkeys(("xi", "lambda_1", "lambda_2", "lambda_3", "lambda_4", "lambda_5"), ("N",)),
@@ -58,7 +61,8 @@ _DISCRETISATIONS = ("thesis", "value-average")
 
 
 def export_npz(record: StateRecord, path: str | Path, overwrite: bool = False) -> None:
-    """Write a state's arrays (`ARRAYS`), scalars (`SCALARS`) and content_sha256, and of a strip its parts.
+    """Write a state's arrays (`ARRAYS`), scalars (`SCALARS`) and content_sha256, of a strip its parts, and of
+    a state with contact forces `contact_first` and so on.
 
     The same record gives the same bytes. Raises StoreError when the file exists and is not to be overwritten,
     or cannot be written.
@@ -69,6 +73,8 @@ def export_npz(record: StateRecord, path: str | Path, overwrite: bool = False) -
         fields[name] = np.asarray(UNKNOWN if value is None else value)
     if record.parts.ends is not None:
         fields |= _of_strip(record)
+    if record.contacts is not None:
+        fields |= {f"contact_{name}": np.asarray(value) for name, value in vars(record.contacts).items()}
     fields["content_sha256"] = np.asarray(content_sha256(record))
     write_arrays(path, fields, overwrite)
 
@@ -100,14 +106,14 @@ def load_npz(path: str | Path) -> dict[str, Any]:
 
     Needed are u (N,3), g (N,3), xi (N,), half_width and sigma. Returns those, `length` (2 pi unless given),
     `discretisation` (thesis unless given), and those of `ARRAYS` that are there; arrays are float64, sigma
-    is +1 or -1, or 0 of a strip, of which g_end and `ends_...` are needed, and `parts` are returned. Raises
-    StoreError, one line, for a file that is missing, damaged or does not hold a state. Nothing is ever
-    unpickled.
+    is +1 or -1, or 0 of a strip, of which g_end and `ends_...` are needed, and `parts` are returned;
+    `contacts` where all of `contact_...` are there. Raises StoreError, one line, for a file that is missing,
+    damaged or does not hold a state. Nothing is ever unpickled.
     """
     try:
         with zipfile.ZipFile(path) as archive:
             names = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
-            wanted = (*ARRAYS, "half_width", "sigma", *_DEFAULTS, *_PART_FIELDS)
+            wanted = (*ARRAYS, "half_width", "sigma", *_DEFAULTS, *_PART_FIELDS, *_CONTACTS)
             found = {name: _read_member(archive, names[name]) for name in wanted if name in names}
         return _check(found)
     except OSError as error:
@@ -161,7 +167,27 @@ def _check(found: dict[str, np.ndarray[Any, Any]]) -> dict[str, Any]:
         raise ValueError(
             f"discretisation must be {' or '.join(_DISCRETISATIONS)}, got {state['discretisation']}"
         )
-    return state | {"sigma": int(state["sigma"])}
+    sigma = int(state["sigma"])
+    if any(name in found for name in _CONTACTS):
+        state["contacts"] = _read_contacts(found)
+        state["contacts"].check(n, sigma != 0)
+    return state | {"sigma": sigma}
+
+
+def _read_contacts(found: Mapping[str, np.ndarray[Any, Any]]) -> Contacts:
+    """The contacts of a band that rests on itself. Raises ValueError where some of it is missing or odd."""
+    missing = [name for name in _CONTACTS if name not in found]
+    if missing:
+        raise ValueError(f"it has contacts, and no {', '.join(missing)}")
+    if any(found[name].dtype.kind not in "fiu" for name in _CONTACTS):
+        raise ValueError("its contacts are not numbers")
+    values = {name.removeprefix("contact_"): found[name] for name in _CONTACTS}
+    scalars = {name: float(value) for name, value in values.items() if not value.shape}
+    contacts = Contacts(**(values | scalars))
+    numbers = (*scalars.values(), *contacts.force, *contacts.value)
+    if not all(map(math.isfinite, numbers)) or not contacts.gap >= 0.0:
+        raise ValueError("its contacts are not finite, or their gap is negative")
+    return contacts
 
 
 def _read_parts(found: Mapping[str, np.ndarray[Any, Any]]) -> Parts:

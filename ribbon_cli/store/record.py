@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from ribbon_cli.facts import kinds_of
 from ribbon_cli.parts import CLOSED, HALF_WIDTH, Parts
+from ribbon_cli.store.contacts import Contacts
 
 if TYPE_CHECKING:
     import numpy as np
@@ -66,7 +67,7 @@ class SpectrumRecord:
         object.__setattr__(self, "labels", tuple(str(label) for label in self.labels))
 
 
-POINT_TYPES = ("step", "width", "value", "fold", "branch-point", "contact")
+POINT_TYPES = ("step", "width", "value", "fold", "branch-point", "contact", "touch", "lift")
 """Types of a point on a branch."""
 
 
@@ -107,10 +108,12 @@ class StateRecord:
     rulings that an auxiliary problem holds; None means none. `cut_node` and `g_cut` (3,) belong to bands in
     two pieces alone. `spectra` are kept in the order of their metrics' names.
     `parts` are ends, material and loads; a strip has ends, sigma 0 and no half-twists, and reactions (3,) of
-    what holds it. `bending_energy` is given where `energy` is more than that.
+    what holds it. `bending_energy` is given where `energy` is more than that. `contacts` are those of a band
+    computed with contact forces, which may touch nothing; None means without.
     `event_kinds` are words for `events`, one each; None means what the sentences of older files tell.
     `provenance` says which program made the state, where and when; it is no part of the scientific content.
-    Raises ValueError for an unknown kind, a label below 1, two spectra in a metric, or a closed band's ends.
+    Raises ValueError for an unknown kind, a label below 1, two spectra in a metric, a closed band's ends, or
+    contacts of features that the band does not have.
     """
 
     label: int
@@ -170,6 +173,7 @@ class StateRecord:
     reaction_moment: Array | None = None
     start_force: Array | None = None
     start_moment: Array | None = None
+    contacts: Contacts | None = None
     provenance: Mapping[str, str | int | float] = field(default_factory=dict)
 
     @property
@@ -186,6 +190,8 @@ class StateRecord:
             raise ValueError(f"labels start at 1, got {self.label}")
         if (self.sigma == 0) != (self.parts.ends is not None):
             raise ValueError("a strip has sigma 0 and ends, a closed band neither")
+        if self.contacts is not None:
+            self.contacts.check(self.segments, self.sigma != 0)
         spectra = tuple(sorted(self.spectra, key=lambda spectrum: spectrum.metric))
         if len({spectrum.metric for spectrum in spectra}) < len(spectra):
             raise ValueError("a state holds at most one spectrum in each metric")

@@ -10,7 +10,8 @@ from typing import Any
 
 from ribbon_cli.facts import kinds_of
 from ribbon_cli.parts import CLOSED, HALF_WIDTH, PARAMETERS
-from ribbon_cli.store.layout import BRANCH, STATE, Item
+from ribbon_cli.store.contacts import Contacts
+from ribbon_cli.store.layout import BRANCH, STATE, Dtype, Item
 from ribbon_cli.store.record import REACTIONS, StateRecord
 
 _TOPOLOGY = ("half_twists", "sigma")
@@ -30,6 +31,14 @@ LABELS = 10**12
 _LARGEST = 2**63
 """Bound of whole numbers, as in a file."""
 _POSITIVE = ("half_width", "segments", "length")
+OF_CONTACTS: dict[str, Dtype] = {
+    "contacts": "int64",
+    "contact_force": "float64",
+    "contact_gap": "float64",
+    "penetration": "float64",
+}
+"""What a summary says of a state with contact forces, and of no other: types as in a file."""
+_OF_CONTACTS = {name: frozenset(_JSON[dtype]) for name, dtype in OF_CONTACTS.items()}
 
 
 def _types(items: Iterable[Item]) -> dict[str, frozenset[type]]:
@@ -118,6 +127,15 @@ class Summary:
     reaction_moment: Vector | None = None
     start_force: Vector | None = None
     start_moment: Vector | None = None
+    contacts: int | None = None
+    contact_force: float | None = None
+    contact_gap: float | None = None
+    penetration: float | None = None
+
+    @property
+    def with_forces(self) -> bool:
+        """Whether it was computed with contact forces, touching or not."""
+        return self.contacts is not None
 
     @property
     def parameters(self) -> dict[str, float | None]:
@@ -146,6 +164,7 @@ class Summary:
         for name in REACTIONS:
             reaction = getattr(record, name)
             values[name] = None if reaction is None else tuple(map(_finite, map(float, reaction)))
+        values |= _of_contacts(record.contacts)
         return cls(**values, branch=branch, content_sha256=content)
 
     @classmethod
@@ -191,6 +210,8 @@ class Summary:
         document["parameters"] = self.parameters
         document["bending_energy"] = self.bending_energy
         document |= {name: list(known[name]) for name in REACTIONS if known[name] is not None}
+        if self.contacts is not None:
+            document |= {name: known[name] for name in OF_CONTACTS}
         document["events"] = list(self.events)
         document["event_kinds"] = list(self.event_kinds)
         if self.branch is not None:
@@ -217,7 +238,8 @@ class Summary:
 
 
 def _newer(document: dict[str, Any], values: dict[str, Any], of: str) -> dict[str, Any]:
-    """Parameters, bending energy and reactions, of which earlier formats of closed bands say nothing.
+    """Parameters, bending energy and reactions, of which earlier formats of closed bands say nothing, and
+    what is said of contacts.
 
     Raises ValueError unless they are numbers, or null.
     """
@@ -240,8 +262,14 @@ def _newer(document: dict[str, Any], values: dict[str, Any], of: str) -> dict[st
     if any(type(n) not in _JSON["float64"] or not math.isfinite(n or 0.0) for n in numbers):
         raise ValueError(f"parameters, bending_energy or a reaction {of}")
     others = {name: value for name, value in found.pop("parameters").items() if name != HALF_WIDTH}
+    on_itself: dict[str, Any] = dict.fromkeys(OF_CONTACTS)
+    if document.get("contacts") is not None:
+        on_itself = checked(document, _OF_CONTACTS, of)
+        if on_itself["contacts"] < 0:
+            raise ValueError(f"contacts {of}")
     return {
         **found,
+        **on_itself,
         "others": others,
         **{name: tuple(found[name]) for name in REACTIONS if found[name] is not None},
     }
@@ -254,6 +282,14 @@ def varying(states: Iterable[Summary]) -> tuple[str, ...]:
         for name, value in state.parameters.items():
             values.setdefault(name, set()).add(value)
     return tuple(name for name in PARAMETERS if name != HALF_WIDTH and len(values.get(name, ())) > 1)
+
+
+def _of_contacts(contacts: Contacts | None) -> dict[str, Any]:
+    """The fields of a summary that tell of contacts, None without forces."""
+    if contacts is None:
+        return dict.fromkeys(OF_CONTACTS)
+    numbers = (contacts.total_force, contacts.gap, contacts.penetration)
+    return dict(zip(OF_CONTACTS, (len(contacts), *map(_finite, map(float, numbers))), strict=True))
 
 
 def _finite(value: float) -> float | None:

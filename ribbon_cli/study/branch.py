@@ -16,12 +16,14 @@ import numpy as np
 from ..config import Arclength
 from ..facts import Event as Happening
 from ..facts import event as happening
+from ..model.touching_gaps import Pairs
 from ..parts import HALF_WIDTH
-from ..solver.arclength import Point, Tangent, initial_tangent, point_of, tangent_from
+from ..solver.arclength import Point, Tangent, initial_tangent, point_at, point_of, tangent_from
 from ..solver.branch import Advance, BranchOptions, End, Reason, advance, reason_to_end
 from ..solver.branch_events import VALUE, WIDTH, Event
 from ..solver.branch_switch import switch
 from ..solver.newton import Guard
+from ..solver.resting import RestingProblem
 from ..solver.singular import lowest_mode, with_multipliers
 from ..store import BranchRecord, StateRecord, Summary
 from ..store.events import BRANCH_END
@@ -32,7 +34,7 @@ from .closed_branches import TURNING, repeated, turns
 from .failure import Failure
 from .outcome import Course
 from .progress import Step
-from .records import multipliers_of, state_of
+from .records import all_multipliers_of, pairs_of, state_of
 from .walk import Ended, Stage, Walk
 
 SIDES = ((1, "+"), (-1, "-"))
@@ -43,19 +45,20 @@ class _Place:
     """Where a branch stands: a stored state, with the length to try next and that travelled.
 
     `sign` is the direction in the `parameter` at a branch's start, 0 at a stored step, whose tangent is
-    stored.
+    stored. `gap` is what contact forces keep, None without them.
     """
 
     record: StateRecord
     next_step: float
     arclength: float
     parameter: str
+    gap: float | None
     sign: int = 0
 
     @cached_property
     def point(self) -> Point:
         """The state with its derivatives."""
-        return _point(self.record, self.parameter)
+        return _point(self.record, self.parameter, self.gap)
 
     @cached_property
     def tangent(self) -> Tangent:
@@ -92,7 +95,8 @@ class Branches:
         up = self.request.to > self.value
         for sign in (1, -1) if self.request.both else (1,):
             towards = "up" if up == (sign > 0) else "down"
-            place = _Place(self.start, self.options.first_step, 0.0, self.name, 1 if towards == "up" else -1)
+            begun = (self.start, self.options.first_step, 0.0, self.name, self.walk.gap)
+            place = _Place(*begun, 1 if towards == "up" else -1)
             self._follow(f"{name} {towards}", self.start, place, [], 1, self.request.switch)
 
     def _follow(
@@ -130,7 +134,7 @@ class Branches:
                 return None, known[: j + 1], end
         stored = self._finished(stage)
         if whole and stored is not None and self.options.low <= self._at(stored) <= self.options.high:
-            return _place(stored, self.name), known, None
+            return _place(stored, self.name, self.walk.gap), known, None
         self.walk.begin(stage, base.half_width, base.segments)
         clock = self.journal.clock()
         try:
@@ -142,7 +146,7 @@ class Branches:
             where = "" if self.name == HALF_WIDTH else f"{found.symbol} = {found.value:g}"
             half_width = found.problem.band.half_width
             self.walk.progress(Step(found.steps, found.energy, found.worst, half_width, where))
-        self.walk.tell(stage, taken.refused)
+        self.walk.tell(stage, (*taken.refused, *taken.changes))
         events: list[StateRecord] = []
         for found_on_it in _numbered(taken.events):
             met = self._store_event(stage, found_on_it, place, taken, clock)
@@ -155,12 +159,12 @@ class Branches:
 
         def ended() -> Ended | Failure:
             branch = self._branch_record(name, "step", point, tangent, length, taken.following)
-            return self._ended(stage, point, branch, taken.refused)
+            return self._ended(stage, point, branch, (*taken.refused, *taken.changes))
 
         record = self.walk.end_of(_stage(stage, point, "step", base), ended, clock)
         if isinstance(record, Failure):
             return None, events, self._broken(base, record)
-        return _place(self.journal.load(record), self.name), events, None
+        return _place(self.journal.load(record), self.name, self.walk.gap), events, None
 
     def _stored(self, stage: str) -> StateRecord:
         record = self._finished(stage)
@@ -304,7 +308,7 @@ class Branches:
             assert record.branch.soft_mode is not None
             tangent = _direction(record.branch.tangent, record.branch.half_width_rate, record)
             try:
-                point = _point(record, self.name)
+                point = _point(record, self.name, self.walk.gap)
                 mode = with_multipliers(point, record.branch.soft_mode.ravel())
                 found = switch(point, tangent, mode, side, self._guard_from(record))
             except ArithmeticError as error:
@@ -322,7 +326,7 @@ class Branches:
             self._finish(name, record, [], self._broken(record, first))
         else:
             begun = self.journal.load(first)
-            self._follow(name, record, _place(begun, self.name), [begun], 2, depth)
+            self._follow(name, record, _place(begun, self.name, self.walk.gap), [begun], 2, depth)
 
     # --- small things ---
 
@@ -382,13 +386,17 @@ def _stage(name: str, point: Point, type: str, parent: StateRecord) -> Stage:
     return Stage(name, band.half_width, band.segments, kind, parent.label)
 
 
-def _point(record: StateRecord, parameter: str) -> Point:
-    return point_of(state_of(record), multipliers_of(record), parameter)
+def _point(record: StateRecord, parameter: str, gap: float | None) -> Point:
+    state, multipliers = state_of(record), all_multipliers_of(record)
+    if gap is None:
+        return point_of(state, multipliers, parameter)
+    pairs = Pairs.none() if record.contacts is None else pairs_of(record.contacts)
+    return point_at(RestingProblem(state.band, pairs, gap), state.vector(), multipliers, parameter)
 
 
 def _direction(x: np.ndarray, rate: float, record: StateRecord) -> Tangent:
     """A stored direction; its multipliers, which have no weight in the metric, are not stored."""
-    return Tangent(x.ravel(), np.zeros_like(multipliers_of(record)), rate)
+    return Tangent(x.ravel(), np.zeros_like(all_multipliers_of(record)), rate)
 
 
 def _travelled(record: StateRecord) -> float:
@@ -397,10 +405,10 @@ def _travelled(record: StateRecord) -> float:
     return record.branch.arclength
 
 
-def _place(record: StateRecord, parameter: str) -> _Place:
+def _place(record: StateRecord, parameter: str, gap: float | None) -> _Place:
     """Where a branch stands at a stored step."""
     assert record.branch is not None
-    return _Place(record, record.branch.next_step, record.branch.arclength, parameter)
+    return _Place(record, record.branch.next_step, record.branch.arclength, parameter, gap)
 
 
 def _numbered(events: Sequence[Event]) -> Iterator[tuple[str, Event]]:
@@ -416,6 +424,9 @@ def _numbered(events: Sequence[Event]) -> Iterator[tuple[str, Event]]:
 def _happening(event: Event) -> Happening:
     """An event of a branch as the fact that its state keeps."""
     where = {"symbol": event.point.symbol, "value": event.point.value}
+    if event.type in ("touch", "lift"):
+        place = f"{event.point.symbol} = {event.point.value:.12g}"
+        return happening(event.type, place=place, bracket=event.bracket)
     if event.type == "contact":
         kind = "contact-begins" if event.begins else "contact-ceases"
         return happening(kind, **where, bracket=event.bracket)

@@ -26,6 +26,7 @@ _REMEDIES = {
     "not-finite": f"Take smaller steps{{}}, {_MORE}.",
     "left-branch": "Take smaller steps{}, or follow the branch by arclength.",
     "gap-lost": f"Take smaller steps{{}}, {_MORE}.",
+    "no-rest": f"Take smaller steps{{}}, {_MORE}.",
     "inverted-facet": "Take more segments N, or a narrower band.",
     "saddle": "Another N may have a minimum; `widths: {{arclength: ...}}` goes on along saddles.",
     "undecided": "`ribbon spectrum` shows the mode in question; another N may decide.",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
@@ -17,7 +18,7 @@ from ..model.band import Band, Discretisation, State
 from ..model.folding import close, facet_frames, from_state, to_state
 from ..model.topology import CLOSURE_TOLERANCE, linking_number
 from ..parts import CLOSED
-from ..store import Run, StateRecord, decode, load_npz, resolve_state
+from ..store import Contacts, Run, StateRecord, decode, load_npz, resolve_state
 from .plan import start_name, start_width
 from .records import state_of
 
@@ -29,11 +30,13 @@ SAME = 1e-9
 
 
 class Given(NamedTuple):
-    """A state to start from in the config's length and discretisation, its name, and that it was closed."""
+    """A state to start from in the config's length and discretisation, its name, that it was closed, and the
+    contacts on which it rests."""
 
     state: State
     name: str
     closing: Event | None = None
+    contacts: Contacts | None = None
 
 
 def given_band(config: Config, root: Path, tell: Callable[[str], object] | None = None) -> Band | None:
@@ -70,7 +73,7 @@ def refused(config: Config, message: str) -> ConfigError:
 
 
 def _given_state(config: Config, root: Path, tell: Callable[[str], object] | None) -> Given:
-    ref, closing = config.guess.state or "", None
+    ref, closing, contacts = config.guess.state or "", None, None
     run, label, path = resolve_state(root, ref, tell)
     if path.suffix == ".npz":
         try:
@@ -83,6 +86,7 @@ def _given_state(config: Config, root: Path, tell: Callable[[str], object] | Non
         band = Band(n, float(data["half_width"]), length, sigma, parts=parts)
         g_end = None if band.closed else data["g_end"]
         found = State(band, data["u"], data["g"], data["xi"], g_end)
+        contacts = _check_contacts(config, data.get("contacts"), length, ref)
     else:
         record = _record(run, label, path)
         if record.kind == "auxiliary":
@@ -92,6 +96,7 @@ def _given_state(config: Config, root: Path, tell: Callable[[str], object] | Non
             )
         _check_topology(config, record.sigma, ref)
         found = state_of(record)
+        contacts = _check_contacts(config, record.contacts, record.length, ref)
     mark = _mark(found)
     if config.open:
         _check_parts(config, found.band, ref)
@@ -110,7 +115,19 @@ def _given_state(config: Config, root: Path, tell: Callable[[str], object] | Non
         config.parts,
     )
     name = f"{config.guess.state_as_written or ref} ({mark})"
-    return Given(State(band, found.u, found.g, found.xi, found.g_end), name, closing)
+    return Given(State(band, found.u, found.g, found.xi, found.g_end), name, closing, contacts)
+
+
+def _check_contacts(config: Config, known: Contacts | None, length: float, ref: str) -> Contacts | None:
+    """The contacts on which a stored state rests, None where it touches nothing. Raises UsageError where the
+    config does not go on with them."""
+    if known is None or not len(known):
+        return None
+    wanted = "contact: forces" if known.gap == 0.0 else f"contact: {{gap: {known.gap:.12g}}}"
+    scale = config.length / length
+    if not config.contact.forces or not math.isclose(config.contact.gap, known.gap * scale, rel_tol=SAME):
+        raise UsageError(f"{ref}: rests on itself with {len(known)} contacts: it takes `{wanted}` to go on")
+    return known
 
 
 def _check_topology(config: Config, sigma: int, ref: str) -> None:

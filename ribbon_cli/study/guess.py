@@ -1,4 +1,8 @@
-"""The initial guess of a config: made by its recipe, or given, then freed."""
+"""The initial guess of a config: made by its recipe, or given, then freed.
+
+With contact forces, a guess that would cross itself is made narrower, freed there without contact and looked
+at over all pairs of features. From there it is widened with contact.
+"""
 
 from __future__ import annotations
 
@@ -9,19 +13,26 @@ from ..facts import event
 from ..model.band import Band, Discretisation, State
 from ..model.folding import ClosureError
 from ..model.problem import Problem
+from ..parts import HALF_WIDTH
 from ..recipes import RECIPES
-from ..recipes.recipe import Making, NotMadeError, Way
+from ..recipes.recipe import Making, NotMadeError, Turn, Turning, Way
 from ..solver.arclength import nearest
 from ..solver.newton import solve
-from ..solver.status import Result
+from ..solver.resting_exchange import NoRestError
+from ..solver.status import Result, Status
 from ..store import Summary
+from . import resting
 from .acceptance import converged
 from .auxiliary import Turner, make
 from .failure import Failure
 from .given import Given
-from .plan import start_kind, start_name, start_width
+from .plan import Goal, start_kind, start_name, start_width
 from .records import saddle_result, state_of
+from .stepping import all_the_way
 from .walk import Ended, Stage, Walk
+
+MOST_NARROWINGS = 4
+"""How often a guess that crosses itself is made half as wide."""
 
 
 def freed_guess(walk: Walk, config: Config, given: Given | None) -> Summary | Failure:
@@ -42,28 +53,59 @@ def freed_guess(walk: Walk, config: Config, given: Given | None) -> Summary | Fa
         Discretisation(config.discretisation),
         config.parts,
     )
+    end = _made(walk, config, band)
+    if walk.gap is None or isinstance(end, Summary):
+        return end
+    narrow = band
+    for _ in range(MOST_NARROWINGS):
+        narrow = narrow.with_half_width(0.5 * narrow.half_width)
+        found = _made(walk, config, narrow, f" at b = {narrow.half_width:.12g}")
+        if isinstance(found, Summary) and walk.goes_on(found):
+            kind = start_kind(config, band.half_width)
+            goal = Goal({HALF_WIDTH: band.half_width}, stage=start_name(config), kind=kind)
+            return all_the_way(walk, found, goal)
+    return end
+
+
+def _made(walk: Walk, config: Config, band: Band, suffix: str = "") -> Summary | Failure:
+    """The guess of a recipe, freed; `suffix` ends the names of its stages."""
+    name = start_name(config) + suffix
     try:
-        way = RECIPES[guess.recipe].way(band, config.half_twists, guess.settings)
+        way = RECIPES[config.guess.recipe].way(band, config.half_twists, config.guess.settings)
     except (NotMadeError, ClosureError) as error:
-        return Failure("construction", None, str(error), {"stage": start_name(config)})
+        return Failure("construction", None, str(error), {"stage": name})
     if way.ready is not None:
-        return _freed(walk, config, way.ready, None, way.method)
-    end = _walked(walk, way, band)
+        return _freed(walk, config, way.ready, None, way.method, suffix=suffix)
+    end = _walked(walk, way, band, suffix)
     if isinstance(end, Failure):
         return end
-    return _freed(walk, config, state_of(walk.journal.load(end)), end.label, way.method)
+    return _freed(walk, config, state_of(walk.journal.load(end)), end.label, way.method, suffix=suffix)
 
 
-def _walked(walk: Walk, way: Way, band: Band) -> Summary | Failure:
+def _walked(walk: Walk, way: Way, band: Band, suffix: str) -> Summary | Failure:
     """The end of a recipe's way, part by part."""
     end: Summary | None = None
     for part in way.parts:
-        reached = make(walk, part, band, end) if isinstance(part, Making) else Turner(walk, part).run()
+        if isinstance(part, Making):
+            named = replace(part, stages=tuple(stage + suffix for stage in part.stages))
+            reached = make(walk, named, band, end)
+        else:
+            reached = Turner(walk, _renamed(part, suffix) if suffix else part).run()
         if isinstance(reached, Failure):
             return reached
         end = reached
     assert end is not None
     return end
+
+
+def _renamed(part: Turning, suffix: str) -> Turning:
+    """Auxiliary problems under other names."""
+
+    def turn(k: float) -> Turn:
+        made = part.turn(k)
+        return replace(made, word=made.word + suffix)
+
+    return replace(part, turn=turn)
 
 
 def _freed(
@@ -73,19 +115,33 @@ def _freed(
     parent: int | None,
     method: str,
     given: Given | None = None,
+    *,
+    suffix: str = "",
 ) -> Summary | Failure:
     """The equilibrium next to a guess, saddles on the way left."""
     band = state.band
     stage = Stage(
-        start_name(config),
+        start_name(config) + suffix,
         band.half_width,
         band.segments,
-        start_kind(config, band.half_width),
+        "intermediate" if suffix else start_kind(config, band.half_width),
         parent,
         None if given is None else given.name,
     )
 
+    def rested() -> Ended | Failure:
+        assert given is not None
+        assert given.contacts is not None
+        assert walk.gap is not None
+        try:
+            end = resting.again(state, given.contacts, walk.gap)
+        except NoRestError as error:
+            return resting.failed(error, stage.name)
+        return Ended(end.problem, walk.checked(end.result), method)
+
     def freed() -> Ended | Failure:
+        if walk.gap is not None and given is None and RECIPES[config.guess.recipe].resting:
+            return resting.let_down_from(walk, state, stage.name, method)
         problem, options = Problem(band), walk.options_from(state)
         if config.guess.keep_saddle:
             result = walk.checked(nearest(state, options.guard))
@@ -99,9 +155,14 @@ def _freed(
             )
         closing = () if given is None or given.closing is None else (given.closing,)
         left = (event("saddle-left", index=s.index, energy=s.energy) for s in result.saddles)
-        return Ended(problem, result, method, (*closing, *left))
+        end = Ended(problem, result, method, (*closing, *left))
+        if walk.gap is None:
+            return end
+        if resting.crosses(result.state, walk.gap):
+            return Failure("solve", Status.GAP_LOST, "", {"stage": stage.name}, "a narrower guess")
+        return resting.at_rest(end, walk.gap)
 
-    return walk.reach(stage, freed)
+    return walk.reach(stage, freed if given is None or given.contacts is None else rested)
 
 
 def _saddle_left_in_vain(walk: Walk, problem: Problem, result: Result) -> Result:

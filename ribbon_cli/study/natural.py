@@ -14,8 +14,8 @@ from .branch_tables import course_point
 from .failure import Failure
 from .outcome import Course
 from .plan import MOST_HALVINGS
-from .records import multipliers_of, state_of
-from .stepping import step_to
+from .stepping import step_from
+from .touch_down import locate
 from .walk import Ended, Stage, Walk, bracketed
 
 CONTACT_ACCURACY = 1e-7
@@ -72,7 +72,11 @@ class Natural:
             if following is None:
                 hint = self._hint(current, failures[-1].sentence)
                 return current, End(Reason.STEP_TOO_SMALL, self._value(current), hint)
-            if following.self_contact and not current.self_contact:
+            if self.walk.gap is not None:
+                end = self._locate_forces(name, current, following)
+                if end is not None:
+                    return current, end
+            elif following.self_contact and not current.self_contact:
                 touching, end = self._locate_contact(name, current, following)
                 if "contact" in self.request.stop_at:
                     return touching, end
@@ -114,6 +118,16 @@ class Natural:
         self.met.append((touching, "contact"))
         return touching, End(Reason.CONTACT, self._value(touching))
 
+    def _locate_forces(self, name: str, before: Summary, after: Summary) -> End | None:
+        """Locate where contact forces begin or end on a step; the end where the request stops there."""
+        found = locate(self.walk, before, after, f"{name}, ")
+        if not isinstance(found, Summary):
+            return None
+        begins = bool(after.contacts)
+        self.met.append((found, "touch" if begins else "lift"))
+        stops = begins and "contact" in self.request.stop_at
+        return End(Reason.CONTACT, self._value(found)) if stops else None
+
     def _see(self, failures: tuple[Failure, ...]) -> None:
         """Remember where another branch was met."""
         self.beyond += [why.values["end"] for why in failures if why.status is Status.LEFT_BRANCH]
@@ -128,8 +142,7 @@ class Natural:
 
     def _solved(self, stage: Stage, start: Summary) -> Ended | Failure:
         """A minimum at a value from the state before it."""
-        record = self.journal.load(start)
-        return step_to(self.walk, state_of(record), multipliers_of(record), stage.target)
+        return step_from(self.walk, self.journal.load(start), stage.target)
 
     @property
     def _asked(self) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..config import Arclength, strips
+from ..config import Arclength, ContactRequest, strips
 from ..errors import UsageError
 from ..facts import same_value
 from ..parts import HALF_WIDTH, PARAMETERS
@@ -15,7 +15,9 @@ from .journal import run_or_read
 from .natural import Natural
 from .outcome import Outcome
 from .progress import Progress, silence
+from .records import state_of
 from .refine import walk_from
+from .resting import crosses
 
 
 def continue_state(
@@ -24,14 +26,16 @@ def continue_state(
     request: Arclength,
     *,
     natural: bool = False,
+    contact: ContactRequest | None = None,
     progress: Progress | None = None,
     argv: Sequence[str] = (),
 ) -> Outcome:
     """Follow the branch of the state that `ref` names, which may be a saddle; the same call again resumes.
 
     `natural` continuation goes from width to width among minima instead, and ends before the first fold.
-    Raises UsageError for a state outside of a run, with an open seam or prescribed rulings, that is not
-    stationary, or at the width asked for.
+    `contact` says whether contact has forces, and their gap, by default as at the start. Raises UsageError
+    for a state outside of a run, with an open seam or prescribed rulings, that is not stationary, or at the
+    width asked for, and for contacts that cannot be followed.
     """
     taken: list[str] = []
     run, label, path = resolve_state(root, ref, taken.append)
@@ -39,23 +43,52 @@ def continue_state(
         raise UsageError(f"{path}: not in a run: continue adds its results to the state's run")
     record = run.load(label)
     _check(ref, record, request)
-    if natural and not record.certified:
+    gap = _gap(ref, record, contact)
+    undecided = record.status == "undecided" and record.contacts is not None and len(record.contacts) > 0
+    if natural and not (record.certified or undecided):
         raise UsageError(f"{ref}: not a certified minimum ({record.status}): give --arclength")
 
     def study(watcher: Progress) -> Outcome:
-        walk = walk_from(run, record, watcher, argv)
+        walk = walk_from(run, record, watcher, argv, gap=gap)
         for choice in taken:
             walk.journal.note(choice)
         if natural:
-            courses = [Natural(walk, request, Summary.of(record)).follow(f"from {record.label}")]
+            name = f"from {record.label}{_with_contact(gap)}"
+            courses = [Natural(walk, request, Summary.of(record)).follow(name)]
         else:
             branches = Branches(walk, request, record)
-            branches.follow(branch_name(record, request))
+            branches.follow(f"{branch_name(record, request)}{_with_contact(gap)}")
             courses = branches.courses
         notes, new = tuple(walk.journal.notes), walk.journal.new_states
         return Outcome(run, (), notes, new, tuple(courses))
 
     return run_or_read(run, progress or silence, study)
+
+
+def _gap(ref: str, record: StateRecord, contact: ContactRequest | None) -> float | None:
+    """The gap that contact forces keep, None without them. Raises UsageError where that cannot be done."""
+    known = record.contacts
+    had = None if known is None else known.gap
+    gap = had if contact is None else contact.gap if contact.forces else None
+    if known is not None and len(known) and gap != had:
+        elsewhere = "leave out --contact, or start from a state that touches nothing"
+        there = f"{ref}: rests on itself with {len(known)} contacts"
+        if gap is None:
+            raise UsageError(f"{there}, and without their forces it is not stationary: {elsewhere}")
+        raise UsageError(f"{there} at a gap of {had:g}, which cannot be changed there: {elsewhere}")
+    if gap is None:
+        return None
+    if gap != had and crosses(state_of(record), gap):
+        near = f"has facets nearer to each other than {gap:g}" if gap else "crosses or touches itself"
+        raise UsageError(f"{ref}: {near}, without forces: start from a state that does not")
+    return gap
+
+
+def _with_contact(gap: float | None) -> str:
+    """What a branch's name ends with where contact has forces."""
+    if gap is None:
+        return ""
+    return " with contact forces" + (f" at a gap of {gap:.12g}" if gap else "")
 
 
 def _check(ref: str, record: StateRecord, request: Arclength) -> None:

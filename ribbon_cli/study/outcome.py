@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
+from typing import Any
 
 from ..parts import HALF_WIDTH, PARAMETERS
 from ..store import Run
@@ -45,7 +46,8 @@ class CoursePoint:
 
     `index_before` and `index_after` are given at folds and branch points. `lowest_eigenvalue` is in the
     physical metric, without rotations; `sliding_overlap` belongs to it or, at folds and branch points, to the
-    mode that is soft there. Without arclength continuation these, and `arclength`, are None.
+    mode that is soft there. Without arclength continuation these, and `arclength`, are None, and so are
+    `contacts` and `contact_force`, the sum of their forces, without contact forces.
     """
 
     label: int
@@ -61,8 +63,18 @@ class CoursePoint:
     linking_number: float | None
     self_contact: bool
     clearance: float | None
+    contacts: int | None = None
+    contact_force: float | None = None
     arclength: float | None = None
     parameters: Mapping[str, float | None] = field(default_factory=dict)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The fields for JSON; contacts only where they have forces."""
+        return {
+            name: value
+            for name, value in asdict(self).items()
+            if self.contacts is not None or name not in ("contacts", "contact_force")
+        }
 
 
 @dataclass(frozen=True)
@@ -80,6 +92,10 @@ class Course:
     message: str
     parameter: str = HALF_WIDTH
     value: float | None = None
+
+    def to_dict(self) -> dict[str, Any]:
+        """The fields for JSON, its points among them."""
+        return asdict(self) | {"points": [point.to_dict() for point in self.points]}
 
     @property
     def place(self) -> str:

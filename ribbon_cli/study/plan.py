@@ -64,12 +64,15 @@ class Goal:
     """What a step of a schedule is to reach: parameters by name, all others staying where they are.
 
     `visit` counts how often a schedule has come to these values, `ends_leg` says that a leg ends there, where
-    it is refined.
+    it is refined. `stage` is the name of the stage that ends there, if it is not that of the values, and
+    `kind` the kind of its state.
     """
 
     to: Mapping[str, float]
     visit: int = 1
     ends_leg: bool = True
+    stage: str = ""
+    kind: str = "equilibrium"
 
     @property
     def one(self) -> str | None:
@@ -94,7 +97,7 @@ class Goal:
     @property
     def name(self) -> str:
         """The stage that ends there, which is the key by which a run is resumed."""
-        return place_name(self.to, self.visit)
+        return self.stage or place_name(self.to, self.visit)
 
     def refined(self, segments: int) -> str:
         """The stage that ends there on a finer level."""

@@ -14,21 +14,30 @@ from ..model.band import Array, Band, Discretisation, Multipliers, State
 from ..model.contact import self_contact
 from ..model.geometry import geometry
 from ..model.problem import Problem
-from ..model.reactions import reactions
+from ..model.reactions import Reactions, reactions
 from ..model.topology import linking_number, open_turn, writhe
+from ..model.touching import Shape, excluded_distance
+from ..model.touching_audit import audit
+from ..model.touching_gaps import Pairs
 from ..parts import FREE
 from ..solver.kkt import FactorisationError
 from ..solver.newton import inverted_facets
+from ..solver.resting import RestingProblem, resting_reactions
+from ..solver.resting_set import Rest, rest_at
 from ..solver.spectra import Spectrum, full_spectra, lowest_spectra
 from ..solver.status import Result, SaddleMet, Status
-from ..store import BranchRecord, SpectrumRecord, StateRecord, Summary, encoded
+from ..store import BranchRecord, Contacts, SpectrumRecord, StateRecord, Summary, encoded
 from .acceptance import turn_of
 from .clock import Clock
 
 
 @dataclass(frozen=True)
 class Reached:
-    """A solve's end with what a record needs to say how it was reached."""
+    """A solve's end with what a record needs to say how it was reached.
+
+    Of a `Rest` they are its `problem`, a `RestingProblem`, and its `result`, whose multipliers end with the
+    forces.
+    """
 
     problem: Problem
     result: Result
@@ -80,7 +89,7 @@ def build_record(
     """The record of a reached state; `spectrum` says which modes to compute, None none."""
     problem, result = reached.problem, reached.result
     band, state = problem.band, result.state
-    named = result.named_multipliers()
+    named = Multipliers.from_vector(band, split(problem, result.multipliers)[0])
     record = StateRecord(
         **vars(derive(reached)),
         label=label,
@@ -153,6 +162,7 @@ class Derived:
     reaction_moment: Array | None
     start_force: Array | None
     start_moment: Array | None
+    contacts: Contacts | None
 
 
 def derive(reached: Reached) -> Derived:
@@ -165,9 +175,10 @@ def derive(reached: Reached) -> Derived:
     end = problem.end_ruling(result.x)
     shape = geometry(state, end if problem.prescription.seam is not None else None)
     turn = _topology(problem, state)
-    contact = self_contact(state.u, state.g, end, band.half_width, band.h, closed=band.closed)
+    contacts = contacts_of(problem, result)
+    touching, clearance = _meeting(state, end, contacts)
     facets = inverted_facets(problem, result.x)
-    held = None if band.closed else reactions(problem, result.x, result.multipliers)
+    held = None if band.closed else _reactions(problem, result)
     return Derived(
         energy=result.energy,
         kkt_residual=result.kkt_residual,
@@ -177,8 +188,8 @@ def derive(reached: Reached) -> Derived:
         linking_number=turn[0],
         twist=turn[1],
         writhe=turn[2],
-        self_contact=contact.contact,
-        clearance=contact.clearance,
+        self_contact=touching,
+        clearance=clearance,
         g_end=end,
         midline=shape.midline,
         kappa_s=shape.kappa_s,
@@ -190,7 +201,49 @@ def derive(reached: Reached) -> Derived:
         reaction_moment=None if held is None else held.moment,
         start_force=None if held is None else held.start_force,
         start_moment=None if held is None else held.start_moment,
+        contacts=contacts,
     )
+
+
+def split(problem: Problem, multipliers: Array) -> tuple[Array, Array]:
+    """Multipliers of constraints (5N+3,), and forces of contacts (k,), of which most problems have none."""
+    if isinstance(problem, RestingProblem):
+        return problem.split(multipliers)
+    return multipliers, np.empty(0)
+
+
+def _reactions(problem: Problem, result: Result) -> Reactions:
+    """What holds a strip's ends."""
+    if isinstance(problem, RestingProblem):
+        return resting_reactions(problem, result.x, result.multipliers)
+    return reactions(problem, result.x, result.multipliers)
+
+
+def contacts_of(problem: Problem, result: Result) -> Contacts | None:
+    """The gaps that a state keeps, with the audit over all pairs; None without contact forces."""
+    if not isinstance(problem, RestingProblem):
+        return None
+    found = audit(Shape.of(result.state, problem.gap))
+    return Contacts(
+        first=problem.pairs.first,
+        second=problem.pairs.second,
+        sign=problem.pairs.sign.astype(np.int64),
+        force=split(problem, result.multipliers)[1],
+        value=problem.gaps(result.x).value,
+        gap=problem.gap,
+        excluded=excluded_distance(problem.band.length, problem.gap),
+        clearance=found.clearance,
+        penetration=found.penetration,
+    )
+
+
+def _meeting(state: State, end: Array, contacts: Contacts | None) -> tuple[bool, float]:
+    """Whether a band touches or crosses itself, and the least distance of its facets."""
+    if contacts is not None:
+        return contacts.touching, contacts.clearance
+    band = state.band
+    found = self_contact(state.u, state.g, end, band.half_width, band.h, closed=band.closed)
+    return found.contact, found.clearance
 
 
 def _prescribed(problem: Problem) -> NDArray[np.bool_] | None:
@@ -248,8 +301,8 @@ def _spectra(
     if record.segments > request.full_up_to and not request.modes:
         return (), ()
     state = state_of(record)
-    problem, x = Problem(state.band), state.vector()
-    local = problem.local_derivatives(x, multipliers_of(record))
+    problem, x = problem_with(record, Problem(state.band)), state.vector()
+    local = problem.local_derivatives(x, all_multipliers_of(record))
     try:
         if record.segments <= request.full_up_to:
             found = full_spectra(problem, x, local, request.metrics, request.modes)
@@ -285,3 +338,32 @@ def multipliers_of(record: StateRecord) -> Array:
     ends = record.parts.ends
     closing = 0 if ends is not None and ends.end == FREE else 3
     return Multipliers(*fields, record.gamma, record.lambda_end).vector(closing)
+
+
+def pairs_of(contacts: Contacts) -> Pairs:
+    """The pairs of features whose gaps are kept."""
+    return Pairs(contacts.first, contacts.second, contacts.sign.astype(np.float64))
+
+
+def problem_with(record: StateRecord, problem: Problem) -> Problem:
+    """A record's problem with the gaps that it keeps; without contact forces the problem itself."""
+    if record.contacts is None:
+        return problem
+    return RestingProblem(problem.band, pairs_of(record.contacts), record.contacts.gap)
+
+
+def all_multipliers_of(record: StateRecord) -> Array:
+    """The multipliers of constraints and then the forces of contacts, (5N+3+k,)."""
+    own = multipliers_of(record)
+    return own if record.contacts is None else np.concatenate((own, record.contacts.force))
+
+
+def rest_of(record: StateRecord, gap: float = 0.0) -> Rest:
+    """A stored state as a shape that may rest on itself, with its contacts.
+
+    One without contact forces has none, and is to be continued at a `gap`. The index is counted anew.
+    """
+    state, own, contacts = state_of(record), multipliers_of(record), record.contacts
+    if contacts is None:
+        return rest_at(state, own, gap=gap)
+    return rest_at(state, own, pairs_of(contacts), contacts.force, contacts.gap)

@@ -56,7 +56,8 @@ def refine_state(
     grids = [record.segments] if there else _grids(ref, record.segments, to, levels, method)
 
     def study(watcher: Progress) -> Outcome:
-        walk = walk_from(run, record, watcher, argv, len(grids))
+        gap = None if record.contacts is None else record.contacts.gap
+        walk = walk_from(run, record, watcher, argv, len(grids), gap)
         for choice in taken:
             walk.journal.note(choice)
         targets = _refine_all(walk, Summary.of(record), grids, method, every=levels is not None)
@@ -186,11 +187,21 @@ def _grids(ref: str, segments: int, to: int | None, levels: int | None, method: 
     return grids
 
 
-def walk_from(run: Run, record: StateRecord, progress: Progress, argv: Sequence[str], total: int = 0) -> Walk:
-    """The walk of a pass that begins at a stored state; the config's repository is the one that it names."""
+def walk_from(
+    run: Run,
+    record: StateRecord,
+    progress: Progress,
+    argv: Sequence[str],
+    total: int = 0,
+    gap: float | None = None,
+) -> Walk:
+    """The walk of a pass that begins at a stored state; the config's repository is the one that it names.
+
+    `gap` is what contact forces keep, None without them.
+    """
     origin = {key: value for key, value in record.provenance.items() if key in _CONFIG_FACTS}
     everted = record.half_twists == 0 and not_everted(state_of(record)) is None
-    return Walk(run, record.half_twists, _spectrum(run), progress, argv, origin, total, everted)
+    return Walk(run, record.half_twists, _spectrum(run), progress, argv, origin, total, everted, gap)
 
 
 def _spectrum(run: Run) -> SpectrumRequest:

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from ..model.band import State
     from .given import Given
 
-_COMPUTING = (".guess", ".stepping", ".contact", ".branch")
+_COMPUTING = (".guess", ".stepping", ".contact", ".touch_down", ".branch")
 """Modules that compute, with all that they import. A run that lasts takes them in at once: one that is first
 asked for hours later may be of another version by then, and no state would say so."""
 
@@ -90,7 +90,7 @@ def _open(config: Config, root: Path) -> Run:
 
 class _Study:
     """One pass over a config's stages; `stopped` says why no further width is reached, `in_contact` that the
-    config asked for the stop.
+    config asked for the stop, `on_level` holds the last state of each level beyond the first.
     """
 
     def __init__(
@@ -114,11 +114,13 @@ class _Study:
             folder if folder.is_dir() else None,
             len(planned),
             _is_everted(config, given),
+            config.contact.gap if config.contact.forces else None,
         )
         self.journal = self.walk.journal
         self.planned = frozenset(stage.name for stage in planned)
         self.targets: list[Target] = []
         self.courses: list[Course] = []
+        self.on_level: dict[int, Summary] = {}
         self.stopped: str | None = None
         self.in_contact = False
 
@@ -168,7 +170,7 @@ class _Study:
                 f"now {given.name}, but this run started from {record.parent_ref}: "
                 f"give the config another name, or start over with --fresh",
             )
-        if not record.certified and not self._kept(record):
+        if not self.walk.goes_on(record) and not self._kept(record):
             self._stop_at(stage, record, "`steps` of the recipe")
         return record
 
@@ -206,7 +208,7 @@ class _Study:
             self.targets.append(self._target(current))
             if goal.ends_leg:
                 self._refine(current, goal)
-            if current.self_contact and self.config.contact == "stop" and self.stopped is None:
+            if current.self_contact and self.config.contact.kind == "stop" and self.stopped is None:
                 self._stop_in_contact(goal, current)
         if branch is not None:
             self._branches(current, branch, bool(planned))
@@ -232,7 +234,7 @@ class _Study:
                 return current
             met = self._contact_between(current, following, goal)
             before, current = current, following
-            if current.self_contact and self.config.contact == "stop" and self.stopped is None:
+            if current.self_contact and self.config.contact.kind == "stop" and self.stopped is None:
                 self._stop_in_contact(goal, current, met)
             if current.kind == "equilibrium" or self.stopped is not None:
                 return current
@@ -244,7 +246,7 @@ class _Study:
             record = self.journal.finished(stage)
             if record is not None and not self.journal.lacks_saddle(stage):
                 self.walk.begin(stage, target.get(HALF_WIDTH, current.half_width), current.segments)
-                if not record.certified:
+                if not self.walk.goes_on(record):
                     self._stop_at(stage, record)
                 return record
         return None
@@ -256,12 +258,18 @@ class _Study:
         following, why = longest_step(self.walk, before, current, goal)
         if why is not None:
             self._stop(why.sentence)
-        elif following is not None and not following.certified:  # stored, and a saddle was met again
+        elif following is not None and not self.walk.goes_on(following):  # stored, and a saddle was met again
             self._stop_at(following.stage, following)
         return following
 
     def _contact_between(self, before: Summary, after: Summary, goal: Goal) -> float | None:
         """Where self-contact begins or ends on a step towards a goal in one parameter, where it does."""
+        if self.walk.gap is not None:
+            if bool(before.contacts) != bool(after.contacts):
+                from .touch_down import locate
+
+                locate(self.walk, before, after)
+            return None
         if before.self_contact == after.self_contact or goal.one is None:
             return None
         from .contact import locate_contact
@@ -282,7 +290,7 @@ class _Study:
             section = "widths" if name == HALF_WIDTH else "schedule"
             what = f"{PARAMETERS[name].symbol} = {here:.12g}"
             raise UsageError(f"{section}.arclength.to: the start has {what} already")
-        if self.config.contact == "stop" and "contact" not in request.stop_at:
+        if self.config.contact.kind == "stop" and "contact" not in request.stop_at:
             request = replace(request, stop_at=(*request.stop_at, "contact"))
         from .branch import Branches
 
@@ -297,16 +305,28 @@ class _Study:
         place = _known(record)
         levels = self._levels({**place, **goal.to}, goal)
         for k, n in enumerate(levels):
-            if not record.certified:
+            if not self.walk.goes_on(record):
                 self._missed(place, levels[k:], f"the level before it: {record.message}")
                 return
             following = self.walk.refine(record, n, goal.refined(n), "equilibrium")
             if isinstance(following, Failure):
+                following = self._along_level(following, n, goal)
+            if isinstance(following, Failure):
                 self.journal.note(following.sentence)
                 self._missed(place, levels[k:], following.sentence)
                 return
-            record = following
+            record = self.on_level[n] = following
             self.targets.append(self._target(record))
+
+    def _along_level(self, why: Failure, segments: int, goal: Goal) -> Summary | Failure:
+        """A state of a level from the level's last one, where a band at rest on itself was not refined."""
+        start = self.on_level.get(segments)
+        if self.walk.gap is None or start is None or not self.walk.goes_on(start):
+            return why
+        self.journal.note(why.bare)
+        from .stepping import all_the_way
+
+        return all_the_way(self.walk, start, Goal(goal.to, stage=goal.refined(segments)))
 
     # --- small things ---
 

@@ -13,14 +13,39 @@ from ..model.problem import Problem
 from ..parts import HALF_WIDTH
 from ..solver.continuation import Move, to_band, to_segments
 from ..solver.kinship import another_minimum
+from ..solver.resting_exchange import NoRestError
 from ..solver.status import Result, Status
 from ..solver.tracking import PARTS
-from ..store import Summary
+from ..store import StateRecord, Summary
+from . import resting
 from .acceptance import converged
 from .failure import Failure, fold_facts, halved_kind, way_facts
 from .plan import MOST_HALVINGS, Goal
 from .records import multipliers_of, state_of
 from .walk import Ended, Stage, Walk
+
+
+def step_from(
+    walk: Walk,
+    start: StateRecord,
+    target: Mapping[str, float],
+    parts: int = PARTS,
+    before: tuple[Event, ...] = (),
+) -> Ended | Failure:
+    """The state at other parameters that a stored one leads to, with contact forces where the walk has
+    them.
+
+    With forces a band that touches nothing takes the same steps as without them. Where the end, or the way
+    to it, would pass through itself, and from where contacts push, it comes to rest on itself.
+    """
+    if walk.gap is None:
+        return step_to(walk, state_of(start), multipliers_of(start), target, parts, before)
+    if start.contacts is None or not len(start.contacts):
+        free = step_to(walk, state_of(start), multipliers_of(start), target, parts, before)
+        passed = resting.passes(free, state_of(start), walk.gap)
+        if not passed:
+            return free if isinstance(free, Failure) else resting.at_rest(free, walk.gap)
+    return resting.step(walk, start, moved(state_of(start).band, target), target, before)
 
 
 def step_to(
@@ -51,7 +76,10 @@ def refined(
     walk: Walk, start: Summary, segments: int, stage: str, *, splitting: bool = False
 ) -> Ended | Failure:
     """The equilibrium on another number of segments that a state's shape leads to."""
-    state = state_of(walk.journal.load(start))
+    record = walk.journal.load(start)
+    state = state_of(record)
+    if start.contacts:
+        return resting.refined(walk, record, segments, stage)
     try:
         move = to_segments(state, segments, walk.options_from(state), splitting=splitting)
     except ClosureError as error:
@@ -62,7 +90,16 @@ def refined(
     if result.certified and start.certified:
         kin = another_minimum(state, result.state, walk.options)
         move = replace(move, events=(*move.events, kin)) if kin else move
-    return _moved(move, result)
+    end = _moved(move, result)
+    if walk.gap is None:
+        return end
+    try:
+        passed = resting.passes(end, state, walk.gap)
+    except NoRestError as error:
+        return resting.failed(error, stage)
+    if passed:
+        return resting.refined(walk, record, segments, stage)
+    return resting.at_rest(end, walk.gap)
 
 
 def _moved(move: Move, result: Result, before: tuple[Event, ...] = ()) -> Ended:
@@ -82,11 +119,10 @@ def longest_step(
     state at the goal that is reached without a certificate is stored, and returned with the failure.
     """
     record = walk.journal.load(current)
-    state, multipliers = state_of(record), multipliers_of(record)
-    ways = goal.ways(state.band.parameters)
+    ways = goal.ways(record.parameters)
     targets = dict(ways)
     stages = [
-        _stage(name, target, current, "equilibrium" if k == 0 else "intermediate")
+        _stage(name, target, current, goal.kind if k == 0 else "intermediate")
         for k, (name, target) in enumerate(ways)
     ]
     # Doubts are resolved down to one length, however often the step itself was halved.
@@ -94,14 +130,24 @@ def longest_step(
     needed = walk.needed(stages)
     reached, failures = walk.longest(
         stages[_first_candidate(before, current, goal) :] if needed is stages else needed,
-        lambda stage, events: step_to(
-            walk, state, multipliers, targets[stage.name], parts[stage.name], events
-        ),
+        lambda stage, events: step_from(walk, record, targets[stage.name], parts[stage.name], events),
         lambda stage, why: event(f"{halved_kind(targets[stage.name])}-halved", **why.values, why=why.message),
     )
     if reached is not None:
         return reached, None
     return _given_up(walk, current, goal, failures)
+
+
+def all_the_way(walk: Walk, current: Summary, goal: Goal) -> Summary | Failure:
+    """The state at a goal, from one state to the next; why it is not reached."""
+    before: Summary | None = None
+    while not goal.reached(current.parameters, current.length):
+        following, why = longest_step(walk, before, current, goal)
+        if why is not None:
+            return why
+        assert following is not None
+        before, current = current, following
+    return current
 
 
 def _stage(name: str, target: Mapping[str, float], start: Summary, kind: str) -> Stage:
@@ -118,13 +164,15 @@ def _given_up(
         facts = fold_facts(walk.journal.run.short_name, current, goal.one, here, end, beyond[-1])
         return None, Failure("fold", Status.LEFT_BRANCH, "", facts)
     facts = way_facts(current.parameters, goal.to)
-    why = replace(failures[0], kind="way", values=facts, smaller="a schedule with more steps")
+    # Where contacts push the shortest step says what is in the way.
+    said = failures[-1 if current.contacts else 0]
+    why = replace(said, kind="way", values=facts, smaller="a schedule with more steps")
     if goal.one == HALF_WIDTH:
         why = replace(why, smaller="a schedule with more widths")
     end_of = failures[0].attempt
     if end_of is None or not (converged(end_of.result) and goal.holds(end_of.problem.band.parameters)):
         return None, why
-    return walk.store(_stage(goal.name, goal.to, current, "equilibrium"), end_of), why
+    return walk.store(_stage(goal.name, goal.to, current, goal.kind), end_of), why
 
 
 def _first_candidate(before: Summary | None, current: Summary, goal: Goal) -> int:

@@ -68,7 +68,10 @@ Solve = Callable[[], Ended | Failure]
 
 
 class Walk:
-    """Walks through stages, and tells who watches; one for each pass over a run."""
+    """Walks through stages, and tells who watches; one for each pass over a run.
+
+    `gap` is the least distance that contact forces keep, None where contact has no forces.
+    """
 
     def __init__(
         self,
@@ -80,10 +83,12 @@ class Walk:
         origin: Origin,
         total: int,
         everted: bool = False,
+        gap: float | None = None,
     ) -> None:
         self.journal = Journal(run, progress, argv, origin)
         self.half_twists = half_twists
         self.everted = everted
+        self.gap = gap
         self.spectrum = spectrum
         self.progress = progress
         self._total, self._index = total, 0
@@ -185,6 +190,12 @@ class Walk:
             end.result.steps,
             end.branch,
         )
+
+    def goes_on(self, state: Summary) -> bool:
+        """Whether a schedule goes on from a state: a certified one, or one at rest on itself that may be
+        a minimum, but was left undecided.
+        """
+        return state.certified or (bool(state.contacts) and state.status == "undecided")
 
     # --- several ---
 

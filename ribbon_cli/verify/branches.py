@@ -12,7 +12,7 @@ from ..solver.arclength import Tangent, point_at, tangent_from
 from ..solver.kkt import FactorisationError
 from ..solver.singular import lowest_mode
 from ..store import StateRecord
-from ..study.records import multipliers_of
+from ..study.records import all_multipliers_of
 
 TANGENT = 1e-6
 """By how much a tangent, of length one, may be off."""
@@ -36,7 +36,7 @@ def check_branch(record: StateRecord, problem: Problem, x: np.ndarray) -> Iterat
     if parameter not in record.parameters:
         yield f"/branch/parameter is {parameter}, which the problem does not have"
         return
-    point = point_at(problem, x, multipliers_of(record), parameter)
+    point = point_at(problem, x, all_multipliers_of(record), parameter)
     stored = Tangent(branch.tangent.ravel(), np.zeros(problem.rows), branch.half_width_rate)
     size = point.product(stored, stored)
     if not abs(size - 1.0) <= TANGENT:

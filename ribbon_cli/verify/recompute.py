@@ -25,15 +25,18 @@ from ..model.problem import LocalDerivatives, Prescription, Problem
 from ..model.topology import EXACT_TOLERANCE
 from ..recipes.eversion import Pieces, half_turn, in_two_pieces
 from ..solver.inertia import inertia
-from ..solver.kkt import FactorisationError, KKTMatrix
+from ..solver.kkt import FactorisationError
 from ..solver.linear import Factor
 from ..solver.newton import Options
+from ..solver.resting import RestingProblem
+from ..solver.resting_kkt import kkt_matrix
 from ..solver.status import STATIONARY, Result, Status
 from ..store import Run, StateRecord, find_run, list_runs, names_state, resolve_state
 from ..store.verification import Checked, Finding, check_file, check_folder, check_states
-from ..study.records import Reached, constructed, derive, multipliers_of, state_of
+from ..study.records import Reached, all_multipliers_of, constructed, derive, problem_with, state_of
 from ..text import in_a_line
 from .branches import check_branch
+from .contacts import check_contacts
 from .spectra import check_spectra, check_values
 
 EPS = float(np.finfo(float).eps)
@@ -117,7 +120,7 @@ def _findings(record: StateRecord) -> Iterator[str]:
         return
     status = Status(record.status)
     problem = problem_of(record)
-    x, multipliers = state_of(record).vector(), multipliers_of(record)
+    x, multipliers = state_of(record).vector(), all_multipliers_of(record)
     local = problem.local_derivatives(x, multipliers)
     left = residuals(problem, local, multipliers)
     result = Result(
@@ -132,12 +135,15 @@ def _findings(record: StateRecord) -> Iterator[str]:
         record.newton_steps,
     )
     reached = Reached(problem, result, record.kind, record.stage, record.method, record.half_twists)
-    again = vars(derive(reached))
+    again = dict(vars(derive(reached)))
+    contacts = again.pop("contacts")
     slack = vars(residual_slack(problem, local, x, multipliers))
     for name, value in (again | _closed_up(record, state_of(record), again)).items():
         yield from _compare(record, name, value, slack)
     yield from _kind(record, status, problem)
     yield from _certificate(record, result)
+    if isinstance(problem, RestingProblem):
+        yield from check_contacts(record, contacts, problem, result, slack["constraint_residual"])
     if status in STATIONARY:
         yield from _inertia(record, problem, local, x)
     yield from check_spectra(record, problem, local, x)
@@ -168,6 +174,7 @@ def _two_pieces(record: StateRecord) -> Iterator[str]:
     made = constructed(joined)
     whole = derive(Reached(Problem(joined.band), made, record.kind, record.stage, record.method, 0))
     again = vars(whole) | vars(in_two_pieces(joined, pieces))
+    del again["contacts"]
     for name, value in (again | _closed_up(record, joined, again)).items():
         yield from _compare(record, name, value, {"g_end": ROUNDING, "constraint_residual": ROUNDING})
 
@@ -182,7 +189,7 @@ def _closed_up(record: StateRecord, state: State, again: Mapping[str, Any]) -> d
 
 
 def problem_of(record: StateRecord) -> Problem:
-    """The problem that a record solves, with its prescribed rulings.
+    """The problem that a record solves, with its prescribed rulings or with the gaps that it keeps.
 
     Raises ValueError for values outside the model.
     """
@@ -192,7 +199,9 @@ def problem_of(record: StateRecord) -> Problem:
         # Format 1.0 does not say; all its auxiliary states are the twist's.
         held, seam = np.arange(record.segments) == 0, True
     rulings = {} if held is None else {int(node): record.g[node] for node in np.flatnonzero(held)}
-    return Problem(band, Prescription(rulings, record.g_end if seam else None))
+    if record.contacts is not None and (rulings or seam):
+        raise ValueError("contact forces do not go with prescribed rulings")
+    return problem_with(record, Problem(band, Prescription(rulings, record.g_end if seam else None)))
 
 
 @dataclass(frozen=True)
@@ -301,7 +310,7 @@ def _inertia(record: StateRecord, problem: Problem, local: LocalDerivatives, x: 
     stored = record.negative_eigenvalues
     if stored is None:
         return
-    matrix = KKTMatrix(problem, local, problem.rotations(x))
+    matrix = kkt_matrix(problem, local, problem.rotations(x))
     if stored == 0 and Factor(matrix).proves_minimum():
         return
     count = inertia(matrix)

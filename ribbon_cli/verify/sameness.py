@@ -48,9 +48,9 @@ from ..report.comparison import (
 )
 from ..solver.newton import Options
 from ..solver.status import STATIONARY, Status
-from ..store import BranchRecord, Run, SpectrumRecord, StateRecord
+from ..store import BranchRecord, Contacts, Run, SpectrumRecord, StateRecord
 from ..store.record import REACTIONS
-from ..study.records import multipliers_of, state_of
+from ..study.records import all_multipliers_of, multipliers_of, state_of
 from .branches import OVERLAP, TANGENT, VALUE
 from .recompute import DERIVED, ENERGY, energy_size, problem_of, residual_slack, residuals
 from .spectra import NOISE, RELATIVE
@@ -131,6 +131,8 @@ def _facts(first: StateRecord, second: StateRecord) -> Iterator[tuple[str, bool]
         for r in (first, second)
     ]
     yield "/branch/type", points[0] == points[1]
+    resting = [None if r.contacts is None else (len(r.contacts), r.contacts.gap) for r in (first, second)]
+    yield "/contacts", resting[0] == resting[1]
     ways = [None if r.branch is None else r.branch.parameter or HALF_WIDTH for r in (first, second)]
     yield "/branch/parameter", ways[0] == ways[1]
     loaded = [r.bending_energy is None for r in (first, second)]
@@ -181,6 +183,8 @@ def _checks(first: StateRecord, second: StateRecord) -> tuple[str | None, list[_
     checks += _derived(first, second, amplified)
     if image is None:
         checks += _derived_arrays(first, second, amplified)
+    if first.contacts is not None and second.contacts is not None:
+        checks += _contacts(first.contacts, second.contacts, image, amplified)
     for here, there in zip(first.spectra, second.spectra, strict=True):
         checks += _spectrum(first, here, there, image)
     if first.branch is not None and second.branch is not None:
@@ -207,7 +211,7 @@ def _equations(record: StateRecord) -> Iterator[_Check]:
     terms.
     """
     problem = problem_of(record)
-    x, multipliers = state_of(record).vector(), multipliers_of(record)
+    x, multipliers = state_of(record).vector(), all_multipliers_of(record)
     local = problem.local_derivatives(x, multipliers)
     slack = vars(residual_slack(problem, local, x, multipliers))
     for name, found in vars(residuals(problem, local, multipliers)).items():
@@ -272,6 +276,18 @@ def _derived_arrays(first: StateRecord, second: StateRecord, amplified: float) -
         yield _Check(f"/geometry/{name}", _apart(getattr(first, name), getattr(second, name)), limit)
     for name in ("kappa_s", "tau", "eta"):
         yield _Check(f"/geometry/{name}", _apart(_at_folds(first, name), _at_folds(second, name)), limit)
+
+
+def _contacts(one: Contacts, two: Contacts, image: Symmetry | None, amplified: float) -> Iterator[_Check]:
+    """Which features touch, and forces; of an image, which numbers them anew, forces by size."""
+    pairs = one.keys() == two.keys() and np.array_equal(one.sign, two.sign)
+    if image is None:
+        yield _Check("/contacts/first", 0.0 if pairs else math.inf, 0.0)
+    forces = (one.force, two.force) if image is None else (np.sort(one.force), np.sort(two.force))
+    largest = max(1.0, float(np.abs(one.force).max(initial=0.0)))
+    yield _Check("/contacts/force", _apart(*forces, largest), DERIVED + amplified)
+    deepest = abs(one.penetration - two.penetration)
+    yield _Check("/contacts/penetration", deepest, DERIVED + amplified)
 
 
 def _at_folds(record: StateRecord, name: str) -> Array:

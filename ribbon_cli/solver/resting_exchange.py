@@ -1,0 +1,180 @@
+"""Which gaps push: sequential quadratic programming with gaps as inequalities.
+
+From a place near a shape at rest, that may cross itself a little, each step takes the gaps that are nearly
+closed, with the sides on which features are to stay (`model.touching_sides`), finds the forces of the
+quadratic problem by non-negative least squares, and makes one Newton step with the rows of gaps that push. So
+a vertex that slides off a facet is exchanged for one on the next facet without more ado. Stationary points
+that are saddles are left to the lower side.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import scipy
+
+from ..model.band import Array, Band, State
+from ..model.touching import Shape
+from ..model.touching_gaps import Pairs, places
+from ..model.touching_sides import Distances, Sides
+from .linear import Factor
+from .newton import Options, Stepper, change, iterate_at, solve
+from .resting import RestingProblem
+from .resting_kkt import RestingDerivatives, kkt_matrix
+from .status import STATIONARY, Iterate, Result, Status
+
+OFF = 1e-6
+"""How far off its features, in their coordinates, a place of contact may be."""
+NEARLY_CLOSED = 1e-3
+"""Gap, as part of l, up to which it is taken into the quadratic problem."""
+CROSSED = 5e-3
+"""Depth, as part of l, from which a shape crosses itself too deeply to go on."""
+MOST_STEPS, MOST_STUCK, MOST_SADDLES = 60, 12, 4
+PROXIMAL = 1e-2
+DEPENDENT = 1e-9
+"""Eigenvalue of the gaps' compliance, relative to the largest, below which gaps depend on each other."""
+SMALL = 1e-4
+"""Force, as part of the largest, below which a pair does not push at first."""
+SERVES = 1e-9
+"""Depth, as part of l, up to which gaps without force leave those with it as they are."""
+
+
+class NoRestError(Exception):
+    """No active set was found; the message says why."""
+
+
+class GapLostError(NoRestError):
+    """A shape, or the way to it, passes through itself, or has features nearer than they are to be."""
+
+
+class Exchange:
+    """The search for the stationary point near x (7N,) whose gaps push or are open.
+
+    `farthest` is the change from the start beyond which it goes somewhere else.
+    """
+
+    def __init__(self, band: Band, sides: Sides | Distances, farthest: float, gap: float = 0.0) -> None:
+        self.band, self.sides, self.farthest, self.gap = band, sides, farthest, gap
+        self.options = Options(leave_saddles=0)
+        self.gone: set[tuple[int, int, int, int]] = set()
+        self.saddles = 0
+        self.steps = 0
+
+    def rest(self, x: Array, own: Array, pairs: Pairs, forces: Array) -> tuple[RestingProblem, Result]:
+        """The stationary point, from multipliers and the forces of some pairs. Raises NoRestError."""
+        forces = np.where(forces > SMALL * forces.max(initial=0.0), forces, 0.0)
+        known = dict(zip(pairs.names(), forces.tolist(), strict=True))
+        start, working, best, stuck = x, Pairs.none(), np.inf, 0
+        for self.steps in range(MOST_STEPS):
+            before = set(working.names())
+            working, pushing_forces = self._working(x, own, known, working)
+            if set(working.names()) != before:
+                best, stuck = np.inf, 0
+            problem = RestingProblem(self.band, working, self.gap)
+            point = iterate_at(problem, x, np.concatenate((own, pushing_forces)))
+            beside: Array | None = None
+            if point.worst <= self.options.goal or (point.worst <= self.options.tolerance and stuck > 1):
+                result, beside = self._ended(problem, point)
+                if result is not None:
+                    return problem, result
+                best, stuck = np.inf, 0
+            else:
+                stuck, best = (0, point.worst) if point.worst < 0.5 * best else (stuck + 1, best)
+                following = None if stuck > MOST_STUCK else Stepper(problem, self.options).step(point)
+                if following is None:
+                    raise NoRestError(f"no step makes progress ({point.worst:.1e}, {len(working)} gaps)")
+                x, (own, pushing_forces) = following.x, problem.split(following.multipliers)
+            if beside is not None:
+                x = beside
+            if change(start, x - start) > self.farthest:
+                raise NoRestError("the search goes somewhere else")
+            known = dict(zip(working.names(), pushing_forces.tolist(), strict=True))
+        raise NoRestError(f"too many steps ({best:.1e}, {len(working)} gaps)")
+
+    def _ended(self, problem: RestingProblem, point: Iterate) -> tuple[Result | None, Array | None]:
+        """The result of a stationary point, or where to go on from if it is a saddle; neither where a place
+        of contact is off its features, which is left out from now on."""
+        off = off_features(Shape.of(point.state, self.gap), problem.pairs)
+        if (off > OFF).any():
+            self.gone.add(problem.pairs.names()[int(np.argmax(off))])
+            return None, None
+        result = solve(problem, point.x, point.multipliers, replace(self.options, max_steps=4))
+        if result.status not in STATIONARY:
+            raise NoRestError(f"{result.status.value} at the end")
+        if result.status is Status.SADDLE and self.saddles < MOST_SADDLES:
+            self.saddles += 1
+            beside = Stepper(problem, self.options).left(iterate_at(problem, result.x, result.multipliers))
+            if beside is not None:
+                return None, beside
+        return result, None
+
+    def _working(
+        self, x: Array, own: Array, known: dict[tuple[int, int, int, int], float], working: Pairs
+    ) -> tuple[Pairs, Array]:
+        """The gaps that push at x, and their forces; those before while they serve."""
+        length, shape = self.band.length, Shape.of(State.from_vector(self.band, x), self.gap)
+        near, value = self.sides.near(shape, self.gap + CROSSED * length)
+        value = value - self.gap
+        keep = value <= NEARLY_CLOSED * length
+        if self.gone:
+            keep &= np.array([name not in self.gone for name in near.names()], dtype=bool)
+        possible, value = near.take(keep), value[keep]
+        forces = np.array([known.get(name, 0.0) for name in possible.names()])
+        # Where gaps depend on each other forces can be shared out in many ways: one that serves is kept.
+        pushes = forces > 0.0
+        if len(working) == pushes.sum() and (value[~pushes] >= -SERVES * length).all():
+            return possible.take(pushes), forces[pushes]
+        return _pushing_at(RestingProblem(self.band, possible, self.gap), x, own, forces)
+
+
+def _pushing_at(problem: RestingProblem, x: Array, own: Array, forces: Array) -> tuple[Pairs, Array]:
+    """The problem's gaps that push in the quadratic problem at x, and their forces there.
+
+    With p = p_0 + V f for forces f, V = K^-1 G^T, linearised gaps are q + M f with M = G V, and f >= 0
+    minimises f.M f / 2 + q.f: a problem of non-negative least squares, of which M may be singular. K has
+    `PROXIMAL` added to W: at a stationary point that changes no force, and soft modes would drown all
+    differences between gaps. Where gaps depend on each other, some that suffice get all the force.
+    """
+    if not len(forces):
+        return problem.pairs, forces
+    local = problem.local_derivatives(x, np.concatenate((own, forces)))
+    assert isinstance(local, RestingDerivatives)
+    assert local.touched is not None
+    rows = problem.rows_of(local.touched.jacobian)
+    matrix = kkt_matrix(problem, local.keeping(0), problem.rotations(x))
+    factor = Factor(matrix, shift=-PROXIMAL)
+    n, tail = problem.size, np.zeros(matrix.tail)
+    gradient = problem.base.lagrangian_gradient(local.free, own) - forces @ rows
+    p = factor.solve(np.concatenate((-gradient, -local.free.constraints, tail)))[:n]
+    none = np.zeros(problem.base.rows)
+    v = np.array([factor.solve(np.concatenate((row, none, tail)))[:n] for row in rows])
+    m = rows @ v.T
+    found = pushing(m, problem.gaps(x).value - problem.gap + rows @ p - m @ forces)
+    keep = found > 0.0
+    return problem.pairs.take(keep), found[keep]
+
+
+def off_features(shape: Shape, pairs: Pairs) -> Array:
+    """How far off (k,) places of contact are from their features, in the features' coordinates."""
+    at = places(shape, pairs)
+    out: Array = np.maximum(-at, at - 1.0).max(axis=1, initial=0.0)
+    return out
+
+
+def pushing(m: Array, away: Array) -> Array:
+    """Forces f >= 0 (k,) with m f + away >= 0 where f = 0 and = 0 where f > 0, m (k,k) symmetric, which
+    may be singular: of gaps that depend on each other some that suffice get all the force."""
+    values, axes = np.linalg.eigh(0.5 * (m + m.T))
+    least = DEPENDENT * float(values[-1])
+    root = np.sqrt(np.maximum(values, 0.0) + least)
+    shared = scipy.optimize.nnls(root[:, None] * axes.T, -(axes.T @ away) / root)[0]
+    # The same sum of forces by as few of these gaps as are independent.
+    at = np.flatnonzero(shared > 0.0)
+    values, axes = np.linalg.eigh(m[np.ix_(at, at)]) if at.size else (values, axes)
+    clear = values > least
+    if at.size and not clear.all():
+        rows = np.sqrt(values[clear])[:, None] * axes[:, clear].T
+        shared[at] = scipy.optimize.nnls(rows, rows @ shared[at])[0]
+    out: Array = shared
+    return out
