@@ -24,7 +24,7 @@ PIP := $(BIN)/python -m pip -qq --disable-pip-version-check
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 FIGURES := $(addprefix figure-3.,1 2 3 4 5 6 7 8 9 10 11 12 13 14)
-.PHONY: help setup table-3.1 paper $(FIGURES) gallery bifurcation checkerboard everted-cylinder everted-moebius docs
+.PHONY: help setup table-3.1 paper $(FIGURES) gallery bifurcation checkerboard everted-cylinder everted-moebius contact-limits docs
 .PHONY: test test-long test-docs test-minimum test-package test-browser test-readers test-peers test-large test-branches test-faults test-auto test-cluster test-slurm lint bench bench-sweep same-as clean
 
 help: ## list the targets
@@ -44,6 +44,9 @@ everted-cylinder: setup ## follow the branches of the everted cylinder: where it
 	@$(BIN)/python -m paper $@
 
 everted-moebius: setup ## follow the branches of everted Moebius bands, saddles all along
+	@$(BIN)/python -m paper $@
+
+contact-limits: setup ## bands that rest on themselves, towards the widest there can be
 	@$(BIN)/python -m paper $@
 
 paper: setup ## make every figure and table of chapter 3 and check its claims: runs/paper/index.html

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import ribbon_cli as ribbon
 from paper.families import FAMILIES, member
+from paper.limits import limits_text
 from ribbon_cli.cli.settings import Settings
 from ribbon_cli.cli.solve_commands import report
 from ribbon_cli.errors import TargetError
@@ -69,10 +70,16 @@ def checkerboard(place: Place) -> None:
         _command(place, "spectrum", name, "--convergence")
 
 
+def contact_limits(place: Place) -> None:
+    """The table of docs/contact-gallery.md: bands at rest on themselves towards the widest there can be."""
+    sys.stdout.write(limits_text(place.configs, place.runs, not place.quiet))
+
+
 STUDIES: dict[str, Callable[[Place], None]] = {
     "everted-cylinder": everted_cylinder,
     "everted-moebius": everted_moebius,
     "checkerboard": checkerboard,
+    "contact-limits": contact_limits,
 }
 """Studies by the name of their make target."""
 
