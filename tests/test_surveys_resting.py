@@ -52,7 +52,7 @@ def test_forces_that_close_nothing_are_told() -> None:
 
 
 def test_saddles_at_rest_are_not_climbed_to(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="--climb: .* leave it out, or contact forces of eight.yaml"):
+    with pytest.raises(UsageError, match=r"--climb: .* leave it out, or contact forces of eight\.yaml"):
         survey_config(parse_config(CONFIG, "eight.yaml"), tmp_path, Request(starts=1, climb=1))
 
 
