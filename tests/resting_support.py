@@ -34,7 +34,7 @@ def resting(name: str) -> tuple[State, Pairs, np.ndarray, float]:
 @lru_cache
 def resting_record(name: str, label: int = 1) -> StateRecord:
     """The same state as a run would keep it, solved to its forces."""
-    state, pairs, force, _ = resting(name)
+    state, pairs, *_ = resting(name)
     problem = RestingProblem(state.band, pairs)
     result = solve(problem, state.vector(), None, Options(leave_saddles=0))
     result = certified(problem, result, audit(Shape.of(result.state), 1e-10 * state.band.length))

@@ -44,7 +44,9 @@ REASONS = {
         study.solve._Study._levels study.solve._Study._missed study.solve._Study._words study.solve._known
         plot.kinds._one_parameter plot.levels.PlacedAt plot.labels.parameter_column
         plot.labels.Placed.parameters study.stepping._stage study.stepping.moved study.stepping.step_to
-        study.walk.Stage analysis.stability._others report.spectra.StateSpectrum""",
+        study.walk.Stage study.stepping.step_from study.resting.step study.resting._chosen
+        study.resting._ended study.resting.changes study.touch_down._Way study.touch_down._Way.at
+        analysis.stability._others report.spectra.StateSpectrum""",
     "functions by the name that a user gives": "report.tables plot.kinds",
     "keywords and settings of matplotlib": """
         plot.canvas.Figure._repr_png_ plot.curves._formulas plot.figure.image plot.levels._mark
@@ -55,7 +57,8 @@ REASONS = {
         export.fold.fold_bytes export.fold._faces export.fold._edges export.fold._seam export.fold._ends
         export.gltf._layout""",
     "JSON, made of records where it is written": """
-        study.status.Standing.to_dict report.spectra.Told.document export.viewer._state
+        study.status.Standing.to_dict study.outcome.CoursePoint.to_dict study.outcome.Course.to_dict
+        report.spectra.Told.document export.viewer._state
         report.spectra.StateSpectrum.document report.spectra.RunSpectra.document
         report.spectra.SpectralTable.document
         cli.compare_command.pairs_answer cli.compare_command.pair_document

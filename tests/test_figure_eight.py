@@ -1,4 +1,4 @@
-"""The recipe figure-eight: Euler's elastica lifted at its crossing, and the band at rest on itself next to it."""
+"""The recipe figure-eight: Euler's elastica lifted at its crossing, and the band at rest next to it."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ from ribbon_cli.solver.linear import Factor
 from ribbon_cli.solver.newton import Options, solve
 from ribbon_cli.solver.resting import RestingProblem
 from ribbon_cli.solver.resting_barrier import BarrierProblem
-from ribbon_cli.solver.resting_certificate import certified, on_rim
+from ribbon_cli.solver.resting_certificate import certified
 from ribbon_cli.solver.resting_kkt import kkt_matrix
 from ribbon_cli.solver.resting_set import NoRestError, found, moved, pushing, rest_at, slopes, touch_down
 from ribbon_cli.solver.status import Status
@@ -136,17 +136,6 @@ def _wider(result, half_width):
     return type(state)(state.band.with_half_width(half_width), state.u, state.g, state.xi)
 
 
-def test_contacts_at_corners_are_undecided():
-    """Three vertices of the 3 pi band meet at its axis: some of its gaps are no bounds there."""
-    problem, result = _solved(THREE)
-    judged = certified(problem, result, audit(Shape.of(result.state), 1e-9))
-    assert judged.status is Status.UNDECIDED
-    assert "on the rim of its features" in judged.message
-    assert judged.negative is None
-    assert on_rim(Shape.of(result.state), problem.pairs) in problem.pairs.names()
-    assert on_rim(Shape.of(_rest().state), _rest().pairs) is None
-
-
 def test_steep_facets_are_undecided():
     problem, result = _solved(PI)
     x = result.x.copy()
@@ -259,3 +248,8 @@ def test_a_wider_band_is_found_by_a_barrier():
     assert end.result.certified
     assert end.result.energy == pytest.approx(direct.result.energy, rel=1e-9)
     assert end.audit.penetration <= 1e-9 * rest.band.length
+
+
+def test_gaps_without_derivatives_have_no_forces():
+    with pytest.raises(NoRestError, match="parallel"):
+        pushing(np.array([[1.0, np.inf], [np.inf, 1.0]]), np.array([-1.0, 1.0]))

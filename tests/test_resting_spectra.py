@@ -49,7 +49,7 @@ def test_full_spectra_are_those_of_dense_algebra(name, without):
         mass = metric_named(metric).matrix(problem.state(x))
         known = scipy.linalg.eigvalsh(basis.T @ (hessian @ basis), basis.T @ (mass @ basis))
         values = found.values[[label != "rotation" for label in found.labels]]
-        assert len(values) == 2 * problem.band.segments - 3 - len(problem.pairs)
+        assert len(values) == 2 * problem.band.segments - 6 - len(problem.pairs)
         assert values[:40] == pytest.approx(known[:40], rel=1e-6, abs=1e-9)
         counted = inertia(kkt_matrix(problem, local, problem.rotations(x)))
         assert counted.trusted

@@ -8,17 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cli_support import ribbon, ribbon_json
-from resting_support import resting
+from resting_support import resting_record
 from store_support import make_contacts, make_record, make_run
 
+import ribbon_cli
 from ribbon_cli.config import ConfigError, ContactRequest, parse_config
 from ribbon_cli.errors import StoreError
 from ribbon_cli.export.words import meeting
-from ribbon_cli.model.touching import Shape
-from ribbon_cli.model.touching_audit import audit
-from ribbon_cli.solver.newton import Options, solve
-from ribbon_cli.solver.resting import RestingProblem
-from ribbon_cli.solver.resting_certificate import certified
 from ribbon_cli.store import (
     Contacts,
     StateRecord,
@@ -31,8 +27,7 @@ from ribbon_cli.store import (
     write_atomic,
 )
 from ribbon_cli.store.hdf5 import decode_bytes
-from ribbon_cli.study.clock import Clock
-from ribbon_cli.study.records import Reached, build_record, rest_of
+from ribbon_cli.study.records import rest_of
 from ribbon_cli.verify import judge
 from ribbon_cli.verify.recompute import verify_record
 
@@ -41,25 +36,16 @@ PI, THREE = "pi-b1.65-N100", "3pi-b0.9-N120"
 CONFIG = "topology: {half_twists: 1}\ninitial_guess: {recipe: twist, segments: 50, half_width: 0.1}\n"
 
 
-def _record(name: str, half_twists: int) -> StateRecord:
-    state, pairs, *_ = resting(name)
-    problem = RestingProblem(state.band, pairs)
-    solved = solve(problem, state.vector(), None, Options(leave_saddles=0))
-    result = certified(problem, solved, audit(Shape.of(solved.state), 1e-9))
-    reached = Reached(problem, result, "equilibrium", "b = 1.65", "a barrier", half_twists)
-    return build_record(1, reached, Clock((), None))
-
-
 @pytest.fixture(scope="module")
 def record() -> StateRecord:
     """The pi band at rest on four contacts, a certified minimum."""
-    return _record(PI, 1)
+    return resting_record(PI)
 
 
 @pytest.fixture(scope="module")
 def undecided() -> StateRecord:
     """The 3 pi band at rest on three vertices that meet."""
-    return _record(THREE, 3)
+    return resting_record(THREE)
 
 
 # --- files and summaries ---
@@ -150,7 +136,7 @@ def with_contacts(record: StateRecord, **changes) -> StateRecord:
 def test_states_at_rest_are_verified(record, undecided):
     assert verify_record(record) == []
     assert (undecided.status, undecided.negative_eigenvalues) == ("undecided", None)
-    assert "on the rim of its features" in undecided.message
+    assert undecided.message.startswith("Converged, but whether it is a minimum could not be decided. (")
     assert verify_record(undecided) == []
 
 
@@ -189,7 +175,7 @@ def test_wrong_claims_about_contact_are_named(record, undecided):
     assert "self_contact is false with 4 contacts" in said(record, self_contact=False)
     assert "clearance is 0.1, and /contacts/clearance" in said(record, clearance=0.1)
     claim = {"status": "minimum", "certified": True, "negative_eigenvalues": 0}
-    assert "status is minimum, recomputed undecided (A contact" in said(undecided, **claim)
+    assert "status is minimum, recomputed undecided (" in said(undecided, **claim)
     lost = {"status": "gap-lost", "certified": False, "kind": "intermediate"}
     assert "status is gap-lost, but no more than" in said(record, **lost)
     crossed = said(record, half_width=1.651)
@@ -270,6 +256,20 @@ def test_tables_and_npz_have_contacts(run, record):
         assert not [name for name in found if name.startswith("contact")]
 
 
+def test_frames_datasets_and_states_have_contacts(run):
+    opened = ribbon_cli.open("mobius")
+    frame = opened.table()
+    assert frame.contacts.tolist()[1:] == [0, 4]
+    assert frame.contacts.isna().tolist() == [True, False, False]
+    assert frame.contact_force[2] == pytest.approx(82.648416)
+    dataset = opened.to_xarray(grid=False)
+    assert np.isnan(dataset.contacts[0])
+    assert dataset.penetration.values[2] <= 1e-9
+    state = opened.state(3)
+    assert state.contacts.total_force == pytest.approx(82.648416)
+    assert "rests on itself at 4 contacts" in state._repr_html_()
+
+
 def test_other_contact_is_refused_where_a_band_rests(run):
     for option, why in (("record", "not stationary"), ("gap=0.02", "cannot be changed there")):
         result = ribbon("continue", "mobius:3", "--to", "1.66", "--contact", option)
@@ -344,7 +344,7 @@ def test_contacts_come_back_from_npz(record, tmp_path):
     with np.load(path) as found:
         arrays = dict(found)
     odd = {"contact_gap": -1.0, "contact_force": np.full(4, np.nan), "contact_sign": np.array(["a"] * 4)}
-    odd |= {"contact_first": np.full((4, 2), 1000), "contact_second": None}
+    odd |= {"contact_first": np.full((4, 2), 1000), "contact_second": None, "contact_excluded": np.ones(1)}
     for name, value in odd.items():
         changed = {key: kept for key, kept in (arrays | {name: value}).items() if kept is not None}
         np.savez(path, **changed)

@@ -156,6 +156,7 @@ def test_an_editor_is_told_what_is_expected() -> None:
         "twist",
         "eversion",
         "schoenke",
+        "figure-eight",
         "strip",
         "a state",
     ]

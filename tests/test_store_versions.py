@@ -26,6 +26,7 @@ from ribbon_cli.verify.recompute import verify_record
 DATA = Path(__file__).parent / "data"
 VERSIONS = sorted(path.name.removeprefix("format-") for path in DATA.glob("format-*"))
 IN_TWO = DATA / "format-1.1" / "in-two-pieces.h5"
+AT_REST = DATA / "format-1.4" / "at-rest.h5"
 
 
 RUNS = sorted(path for path in DATA.glob("format-*/*") if path.is_dir())
@@ -48,7 +49,7 @@ def folder(request, tmp_path, monkeypatch) -> Path:
 
 
 def test_there_is_a_frozen_run_of_every_version_up_to_this_one():
-    assert VERSIONS == ["1.0", "1.1", "1.2", "1.3"]
+    assert VERSIONS == ["1.0", "1.1", "1.2", "1.3", "1.4"]
     assert VERSIONS[-1] == FORMAT_VERSION == RUN_FORMAT_VERSION
     for run in RUNS:
         heads = {head_version(path.read_bytes()) for path in run.glob("states/*.h5")}
@@ -154,6 +155,22 @@ def test_what_the_strip_and_the_curved_ring_of_1_3_say():
     assert ring.energy == pytest.approx((1 - np.cos(d)) / d - 0.5 * np.sin(d) + d * 0.125, rel=1e-12)
 
 
+def test_what_the_figure_eight_at_rest_and_the_ring_of_1_4_say():
+    """One ruling rests on another; and a ring whose contact forces keep a gap has nothing to push."""
+    record = decode(AT_REST)
+    contacts = record.contacts
+    assert (record.certified, record.self_contact, contacts.names()) == (True, True, ["edge 34 with edge 71"])
+    assert (contacts.force.tolist(), contacts.sign.tolist()) == ([0.024492076970005293], [1])
+    assert (contacts.gap, contacts.excluded) == (0.0, 0.005 * record.length)
+    assert record.clearance == contacts.clearance == 0.0 < contacts.penetration < 1e-16
+    assert record.message.endswith("(At rest on 1 contact, with forces of 0.0244921 in all.)")
+    assert ribbon("verify", AT_REST).exit_code == 0
+    run = Run.open(frozen("1.4"))
+    ring = run.load(2).contacts
+    assert (len(ring), ring.gap, ring.clearance) == (0, 0.02, run.load(2).clearance)
+    assert [state.contacts for state in run.states()] == [0, 0]
+
+
 def test_what_the_band_in_two_pieces_of_1_1_says():
     record = decode(IN_TWO)
     assert (record.cut_node, record.status, record.kind) == (9, "constructed", "auxiliary")
@@ -175,6 +192,7 @@ def test_events_of_every_version_have_kinds():
         "1.1": ["width-reached"],
         "1.2": ["turn-halved", "turn-halved", "saddle-left"],
         "1.3": [],
+        "1.4": [],
     }
 
 

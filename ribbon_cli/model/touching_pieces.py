@@ -22,6 +22,7 @@ from .band import Array
 from .touching import EDGE, FACET, VERTEX, IntArray, Shape
 from .touching_audit import segment_distance
 from .touching_barrier import sides_at
+from .touching_distances import nearer
 from .touching_gaps import (
     G_FIRST,
     G_SECOND,
@@ -34,7 +35,6 @@ from .touching_gaps import (
     places,
     vectors,
 )
-from .touching_sides import nearer
 
 TOUCHES = 1e-8
 """Distance, as part of l, up to which features touch."""
@@ -53,6 +53,13 @@ class Pieces:
 
     pairs: Pairs
     clauses: tuple[frozenset[int], ...]
+
+    @property
+    def opposite(self) -> dict[int, int]:
+        """Of gaps that are listed with both signs, the one with the other sign."""
+        keys = list(zip(self.pairs.names(), self.pairs.sign.tolist(), strict=True))
+        at = {key: k for k, key in enumerate(keys)}
+        return {k: at[name, -sign] for k, (name, sign) in enumerate(keys) if (name, -sign) in at}
 
 
 def pieces(shape: Shape, near: Pairs) -> Pieces:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from .band import Array
 from .touching import EDGE, FACET, VERTEX, IntArray, Shape
 from .touching_audit import audit, boxes_near
-from .touching_barrier import Neighbourhood, nearest
+from .touching_barrier import Neighbourhood
 from .touching_gaps import ONE, TWO, Pairs, arguments, gaps, places, vectors
 
 TOUCHING = 1e-9
@@ -31,7 +31,9 @@ FARTHEST = 0.06
 ROOM = 0.01
 """Motion of a vertex, as part of l, that a list of neighbours allows of before it is made anew."""
 MARGIN = 0.05
-"""How far off its features, as part of h, a place may be while the gap counts."""
+"""How far off its features, as part of h, a place may be while the gap counts, where that still bounds it."""
+INSIDE = 1e-9
+"""The same in the features' coordinates, everywhere."""
 
 
 Flags = NDArray[np.bool_]
@@ -50,9 +52,14 @@ class _Known:
 
 
 class Sides:
-    """Signs of gaps, from those of a shape that does not cross; `kept` are gaps that are closed there."""
+    """Signs of gaps, from those of a shape that does not cross; `kept` are gaps that are closed there.
 
-    def __init__(self, shape: Shape, kept: Pairs) -> None:
+    With `corners` gaps count as well where others, which are larger, bound their places: sheets are then held
+    where they could slip off each other.
+    """
+
+    def __init__(self, shape: Shape, kept: Pairs, corners: bool = False) -> None:
+        self.corners = corners
         near = audit(shape, KNOWN * shape.length).near
         value, inside = _gaps(shape, near), _off(shape, near) <= 0.0
         clear = inside & (np.abs(value) > TOUCHING * shape.length)
@@ -80,7 +87,11 @@ class Sides:
         pairs = pairs.take(_off(shape, pairs) <= MARGIN)
         sign = self._signs(shape, pairs)
         pairs = Pairs(pairs.first, pairs.second, sign).take(sign != 0.0).ordered()
-        return pairs, _gaps(shape, pairs)
+        value = _gaps(shape, pairs)
+        if not self.corners:
+            counts = _counts(shape, pairs, value)
+            pairs, value = pairs.take(counts), value[counts]
+        return pairs, value
 
     def _signs(self, shape: Shape, pairs: Pairs) -> Array:
         """The signs (k,) of pairs, 0 where they are not known."""
@@ -111,26 +122,6 @@ class Sides:
         row = np.arange(len(best))
         flips = over_two[row, best] & (asked.other == 0)
         return away[row, best], np.where(flips, shape.sigma, 1) * known.side[best]
-
-
-class Distances:
-    """The same for a gap that is not zero: pairs as they are nearest, whose distances need no side."""
-
-    def __init__(self, gap: float) -> None:
-        self.gap = gap
-        self._near: Neighbourhood | None = None
-
-    def near(self, shape: Shape, reach: float) -> tuple[Pairs, NDArray[np.float64]]:
-        """See `Sides`."""
-        if self._near is None or not self._near.covers(shape):
-            self._near = Neighbourhood.of(shape, reach, ROOM * shape.length)
-        pairs = nearest(shape, self._near.features, reach).unique()
-        return pairs, _gaps(shape, pairs)
-
-
-def nearer(shape: Shape, reach: float) -> Pairs:
-    """The pairs nearer than a reach, over all pairs, each once and as it is nearest."""
-    return nearest(shape, Neighbourhood.of(shape, reach, 0.0).features, reach).unique()
 
 
 def _asked(shape: Shape, pairs: Pairs, turned: bool) -> tuple[IntArray, _Known, Array]:
@@ -168,6 +159,43 @@ def _tracks(features: IntArray) -> tuple[IntArray, IntArray]:
 def _gaps(shape: Shape, pairs: Pairs) -> Array:
     what = arguments(pairs)
     return gaps(vectors(shape, what), what, pairs.sign, shape.half_width).value
+
+
+def _counts(shape: Shape, pairs: Pairs, value: Array) -> Flags:
+    """Which gaps (k,) count. A gap whose place is off a feature bounds that place still where the next facet
+    rises, or the next side bends, to the other feature: the gap is the less of the two there. Elsewhere it is
+    the larger one, and the one that is less does not count."""
+    at, six, names = places(shape, pairs), vectors(shape, arguments(pairs)), pairs.names()
+    known = dict(zip(names, value.tolist(), strict=True))
+    normal = pairs.sign[:, None] * np.cross(six[:, ONE], six[:, TWO])
+    out = np.abs(at[:, 3] - 0.5) <= 0.5 + INSIDE
+    for k, features, toward in ((0, pairs.first, -normal), (2, pairs.second, normal)):
+        for row in np.flatnonzero(np.abs(at[:, k] - 0.5) > 0.5 + INSIDE).tolist():
+            kind, number = features[row].tolist()
+            beyond, rises = _beyond(shape, kind, number, bool(at[row, k] > 0.5))
+            if beyond < 0:
+                out[row] = False
+            elif rises @ toward[row] <= 0.0:
+                ends = [names[row][:2], names[row][2:]]
+                ends[k // 2] = (kind, beyond)
+                one, other = sorted(ends)
+                out[row] &= known.get((*one, *other), -np.inf) <= value[row]
+    return out
+
+
+def _beyond(shape: Shape, kind: int, number: int, ahead: bool) -> tuple[int, Array]:
+    """The facet or side that comes next to one, -1 if none does, and where it rises or bends to."""
+    n, track = shape.segments, 0 if kind == FACET else number % 3
+    k = number if kind == FACET else number // 3
+    there = k + 1 if ahead else k - 1
+    if (kind == EDGE and not track) or (not shape.closed and not 0 <= there < n):
+        return -1, np.zeros(3)
+    over = there % n
+    if kind == FACET:
+        return over, shape.u[over] if ahead else -shape.u[over]
+    swapped = 3 - track if over != there and shape.sigma < 0 else track
+    turn = shape.u[over] - shape.u[k] if ahead else shape.u[k] - shape.u[over]
+    return 3 * over + swapped, turn
 
 
 def _off(shape: Shape, pairs: Pairs) -> Array:

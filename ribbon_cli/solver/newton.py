@@ -34,6 +34,7 @@ class Options:
     reached. `step_limit` bounds the change of tangents, of rulings relative
     to their length and of xi/4 in one step: branches are tracked locally, since longer steps jump to
     other topologies. `leave_saddles` is how many stationary points of positive index may be left.
+    From a residual of `near_saddle` saddles are stepped onto, to be known and left on purpose.
     `guard` returns a sentence where a state must not be accepted (it changed its linking number), `way`
     whether a step may be taken from one x to another.
     """
@@ -43,6 +44,7 @@ class Options:
     max_steps: int = 400
     step_limit: float = 0.25
     leave_saddles: int = 6
+    near_saddle: float = 1e-3
     guard: Guard | None = None
     way: Way | None = None
     watch: Watch | None = None
@@ -58,9 +60,8 @@ ARMIJO = 1e-4  # sufficient decrease, Nocedal & Wright (2006), (3.4)
 MOST_CORRECTIONS = 4
 SETTLED = 1e-5
 """Change of the next Newton step up to which a converged point is certified; Table 3.1 has at most 2e-8."""
-NEAR_SADDLE = 1e-3
 NEAR_STEP = 0.05
-"""Residual, and change of the next Newton step, up to which a saddle is stepped onto and left on purpose."""
+"""Change of the next Newton step up to which a saddle is stepped onto and left on purpose."""
 
 
 def iterate_at(problem: Problem, x: Array, multipliers: Array | None) -> Iterate:
@@ -287,7 +288,7 @@ class _Solve:
         The saddle-free step moves away only as fast as the distance doubles. None if not that close.
         """
         step, multipliers = plain
-        if point.worst > NEAR_SADDLE or factor.surplus == 0:
+        if point.worst > self.options.near_saddle or factor.surplus == 0:
             return None
         if change(point.x, step) > NEAR_STEP:
             return None

@@ -117,7 +117,7 @@ class RestingProblem(Problem):
         if local.touched is None:
             return own
         copies, k = self.copies, len(self.pairs)
-        c = self._copies_of_x()
+        c = self.copies_of_x()
         six = (3 * copies.slot[:, :, None] + np.arange(3)).reshape(k, 18)
         rows, columns = np.repeat(six, 18, axis=1).ravel(), np.tile(six, (1, 18)).ravel()
         s = scipy.sparse.coo_matrix(
@@ -125,7 +125,7 @@ class RestingProblem(Problem):
         ).tocsc()
         return own + scipy.sparse.csc_matrix(c.T @ s @ c)
 
-    def _copies_of_x(self) -> scipy.sparse.csc_matrix:
+    def copies_of_x(self) -> scipy.sparse.csc_matrix:
         """z by x (q, 7N), node positions summed up."""
         rows, columns, values = copy_columns(self.base, self.copies)
         free = ~self.fixed[columns]

@@ -24,7 +24,7 @@ from .kkt import FactorisationError
 from .newton import change
 from .resting import RestingProblem
 from .resting_certificate import PULLS
-from .resting_exchange import OFF, NoRestError
+from .resting_exchange import OFF, NoRestError, off_features
 from .resting_set import DEPTH, SLIP, Rest, found, rest_at, slopes
 from .status import STATIONARY
 

@@ -18,7 +18,7 @@ reason.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
@@ -51,7 +51,10 @@ DEPENDENT = 1e-7
 """Part of a row, in the scaled metric, that has to be off the others for it to be independent of them."""
 SHARED = 1e-3
 """Part of the largest force that a gap without force is tried with."""
-MOST_PIECES = 200
+PROVED = 1e-5
+"""Eigenvalue above which the Hessian is shown to be on one piece, so that others need no count."""
+FAR, NO_MOVE = 1e-8, 1e-12
+MOST_PIECES = 5000
 STEEPEST_XI = 12.0
 """Largest |xi| with which counts are trusted: 1 - tanh xi is 4e-11 there."""
 
@@ -80,14 +83,15 @@ def certified(problem: RestingProblem, result: Result, found: Audit) -> Result:
     )
     judge = _Judge(problem, result, local.pairs)
     plain = judge.independent and all(len(clause) == 1 for clause in local.clauses)
+    rests = f"At rest on {len(forces)} contact{'s' * (len(forces) > 1)}"
     if result.status is Status.SADDLE:
         if not plain or set(local.pairs.names()) != set(problem.pairs.names()):
             return _undecided(result, "With the contacts kept it is a saddle, but some depend on others.")
-        return _as(result, Status.SADDLE, f"(At rest on {len(forces)} contacts, which are kept.)")
+        return _as(result, Status.SADDLE, f"({rests}, which are kept.)")
     why, leaves = _on_all_pieces(judge, local)
     if why:
         return _undecided(result, why)
-    detail = f"At rest on {len(forces)} contacts, with forces of {forces.sum():.6g} in all"
+    detail = f"{rests}, with forces of {forces.sum():.6g} in all"
     if not judge.independent:
         detail += ", which can be shared out in other ways, since contacts depend on each other"
     if leaves > 1:
@@ -112,12 +116,11 @@ def _on_all_pieces(judge: _Judge, local: Pieces) -> tuple[str, int]:
     todo: list[tuple[frozenset[int], list[frozenset[int]]]] = [(frozenset(), list(local.clauses))]
     leaves = 0
     while todo:
-        chosen, clauses = todo.pop()
-        while single := [clause for clause in clauses if len(clause) == 1]:
-            chosen |= frozenset().union(*single)
-            clauses = [clause for clause in clauses if not clause & chosen]
-        why, open_gaps = judge.doubt(chosen)
-        broken = {clause: max(open_gaps[k] for k in clause) for clause in clauses}
+        chosen, clauses = _settled(*todo.pop(), local.opposite)
+        if frozenset() in clauses:
+            continue  # no shape keeps two features on both sides of each other
+        why, opening = judge.doubt(chosen)
+        broken = {clause: max(opening[k] for k in clause) for clause in clauses}
         broken = {clause: most for clause, most in broken.items() if most < 0.0}
         if not why:
             leaves += 1
@@ -127,8 +130,36 @@ def _on_all_pieces(judge: _Judge, local: Pieces) -> tuple[str, int]:
             return f"More than {MOST_PIECES} pieces of what does not cross meet there.", leaves
         else:
             worst = min(broken, key=lambda clause: (broken[clause], sorted(clause)))
-            todo += [(chosen | {k}, [c for c in clauses if k not in c]) for k in sorted(worst)]
+            todo += [(chosen | {k}, clauses) for k in sorted(worst)]
     return "", leaves
+
+
+def _settled(
+    chosen: frozenset[int], clauses: list[frozenset[int]], opposite: dict[int, int]
+) -> tuple[frozenset[int], list[frozenset[int]]]:
+    """The gaps chosen with those that are the only ones left in a clause, and the clauses that are left."""
+    while True:
+        against = frozenset(opposite[k] for k in chosen if k in opposite)
+        clauses = [clause - against for clause in clauses if not clause & chosen]
+        single = frozenset().union(*(clause for clause in clauses if len(clause) == 1))
+        if not single:
+            return chosen, clauses
+        if any(opposite.get(k) in single for k in single):
+            return chosen, [frozenset()]
+        chosen = chosen | single
+
+
+@dataclass(frozen=True)
+class _Proved:
+    """A piece with a positive definite Hessian, whose rows span those of all gaps: its forces (K,), and what
+    they leave of the gradient; what the force of each gap (K,) adds to that, and to the Hessian on the null
+    space, while others keep the balance: near the contacts (K,r,r), and at most elsewhere (K,)."""
+
+    forces: Array
+    left: float
+    off: Array
+    forms: Array
+    elsewhere: Array
 
 
 class _Judge:
@@ -149,8 +180,11 @@ class _Judge:
         self.closed = np.abs(at.value - problem.gap) <= CLOSED * problem.band.length
         off = np.array([self._projected(row)[0] for row in self.rows]).reshape(len(pairs), -1).T
         axes, values, _ = np.linalg.svd(off, full_matrices=False)
-        axes = axes[:, values > DEPENDENT * values.max(initial=0.0)]
+        self.axes = axes = axes[:, values > DEPENDENT * values.max(initial=0.0)]
         self.columns, self.needed = axes.T @ off, axes.T @ self._projected(self.free.gradient)[0]
+        self.scale = matrix.scale[: self.base.size]
+        self.jacobian = self.base.jacobian_matrix(self.free)
+        self.proved: _Proved | None = None
 
     @property
     def independent(self) -> bool:
@@ -168,6 +202,8 @@ class _Judge:
             why = "No forces hold it on a piece of what does not cross: sheets slip off."
             return why, down @ self.columns
         why, unknown = "", np.full(len(self.rows), -1.0)
+        if self._like_one_proved(which, forces, off):
+            return "", unknown
         for shared in (forces, self._shared(which, forces)):
             multipliers, left = self._balanced(which, shared)
             if left > STATIONARY_TO:
@@ -219,12 +255,66 @@ class _Judge:
         assert isinstance(local, RestingDerivatives)
         matrix = kkt_matrix(pushing, local.keeping(len(first)), pushing.rotations(self.x))
         try:
+            spans = self.proved is None and len(first) == len(self.axes.T) < len(self.rows)
+            if spans and Factor(matrix, shift=PROVED).proves_minimum():
+                every = self._every(which, forces)
+                left = self.base.lagrangian_gradient(self.free, multipliers) - forces @ self.rows[which]
+                self.proved = self._proof(every, float(np.abs(left).max()), which[first])
+                return True
             if Factor(matrix).proves_minimum():
                 return True
             count = inertia(matrix)
         except FactorisationError:
             return False
         return count.trusted and count.negative == 0
+
+    def _like_one_proved(self, which: IntArray, forces: Array, off: float) -> bool:
+        """Whether the shape is stationary with these forces as it is on a piece where the Hessian is known to
+        be above `PROVED`, with rows that span the same, and the Hessian changes by less."""
+        known = self.proved
+        strong = np.flatnonzero(forces > WEAK * forces.max(initial=0.0))
+        if known is None or len(self._independent(which[strong])) < len(self.axes.T):
+            return False
+        more, smallest = self._every(which, forces) - known.forces, float(self.scale.min())
+        if known.left + np.abs(more) @ known.off + off / smallest > STATIONARY_TO:
+            return False
+        near = float(np.linalg.norm(np.tensordot(more, known.forms, axes=1))) / smallest**2
+        most = near + float(np.abs(more) @ known.elsewhere)
+        return most <= 0.5 * PROVED
+
+    def _proof(self, forces: Array, left: float, first: IntArray) -> _Proved:
+        """What is known from a piece: how the Hessian changes on the null space with the force of each gap,
+        while forces of the gaps `first`, which span all, and multipliers keep the balance."""
+        share = np.linalg.solve(self.columns[:, first], self.columns)
+        every = np.eye(len(self.rows))
+        every[:, first] -= share.T
+        changes, off = [], []
+        none = self._hessian(np.zeros(self.base.rows), np.zeros(len(self.rows)))
+        for own in every:
+            row = own @ self.rows
+            multipliers = self._projected(row)[1]
+            off.append(np.abs(row - self.jacobian.T @ multipliers).max())
+            changes.append(self._hessian(-multipliers, own) - none)
+        size = np.array([abs(change).sum(axis=1).A1 for change in changes])
+        at = np.flatnonzero(size.max(axis=0) > FAR * size.max())
+        size[:, at] = 0.0
+        moves = np.array([self._projected(row)[0] for row in np.eye(self.base.size)[at]])
+        moves = moves - (moves @ self.axes) @ self.axes.T
+        u, values, _ = np.linalg.svd(moves, full_matrices=False)
+        root = (u * values)[:, values > NO_MOVE * values.max(initial=0.0)]
+        forms = [root.T @ change[np.ix_(at, at)].toarray() @ root for change in changes]
+        return _Proved(forces, left, np.array(off), np.array(forms), size.max(axis=1))
+
+    def _hessian(self, multipliers: Array, forces: Array) -> scipy.sparse.csc_matrix:
+        """The Lagrangian's Hessian for multipliers and forces (K,) of all gaps."""
+        local = self.gaps.local_derivatives(self.x, np.concatenate((multipliers, forces)))
+        return self.gaps.hessian_matrix(local).tocsc()
+
+    def _every(self, which: IntArray, forces: Array) -> Array:
+        """Forces (K,) of all gaps."""
+        out = np.zeros(len(self.rows))
+        out[which] = forces
+        return out
 
     def _independent(self, which: IntArray) -> IntArray:
         """Places in a list of gaps (k,) of some whose rows span those of all, and are independent."""

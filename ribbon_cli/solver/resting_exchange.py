@@ -16,8 +16,10 @@ import scipy
 
 from ..model.band import Array, Band, State
 from ..model.touching import Shape
+from ..model.touching_distances import Distances
 from ..model.touching_gaps import Pairs, places
-from ..model.touching_sides import Distances, Sides
+from ..model.touching_sides import Sides
+from .kkt import KKTMatrix
 from .linear import Factor
 from .newton import Options, Stepper, change, iterate_at, solve
 from .resting import RestingProblem
@@ -31,7 +33,7 @@ NEARLY_CLOSED = 1e-3
 CROSSED = 5e-3
 """Depth, as part of l, from which a shape crosses itself too deeply to go on."""
 MOST_STEPS, MOST_STUCK, MOST_SADDLES = 60, 12, 4
-PROXIMAL = 1e-2
+PROXIMAL, MOST_PROXIMAL = 1e-2, 1e6
 DEPENDENT = 1e-9
 """Eigenvalue of the gaps' compliance, relative to the largest, below which gaps depend on each other."""
 SMALL = 1e-4
@@ -54,10 +56,17 @@ class Exchange:
     `farthest` is the change from the start beyond which it goes somewhere else.
     """
 
-    def __init__(self, band: Band, sides: Sides | Distances, farthest: float, gap: float = 0.0) -> None:
+    def __init__(
+        self,
+        band: Band,
+        sides: Sides | Distances,
+        farthest: float,
+        gap: float = 0.0,
+        near_saddle: float = Options.near_saddle,
+    ) -> None:
         self.band, self.sides, self.farthest, self.gap = band, sides, farthest, gap
-        self.options = Options(leave_saddles=0)
-        self.gone: set[tuple[int, int, int, int]] = set()
+        self.options = Options(leave_saddles=0, near_saddle=near_saddle)
+        self.saddle: tuple[RestingProblem, Result] | None = None
         self.saddles = 0
         self.steps = 0
 
@@ -93,15 +102,12 @@ class Exchange:
         raise NoRestError(f"too many steps ({best:.1e}, {len(working)} gaps)")
 
     def _ended(self, problem: RestingProblem, point: Iterate) -> tuple[Result | None, Array | None]:
-        """The result of a stationary point, or where to go on from if it is a saddle; neither where a place
-        of contact is off its features, which is left out from now on."""
-        off = off_features(Shape.of(point.state, self.gap), problem.pairs)
-        if (off > OFF).any():
-            self.gone.add(problem.pairs.names()[int(np.argmax(off))])
-            return None, None
+        """The result of a stationary point, or where to go on from if it is a saddle."""
         result = solve(problem, point.x, point.multipliers, replace(self.options, max_steps=4))
         if result.status not in STATIONARY:
             raise NoRestError(f"{result.status.value} at the end")
+        if result.status is Status.SADDLE:
+            self.saddle = problem, result
         if result.status is Status.SADDLE and self.saddles < MOST_SADDLES:
             self.saddles += 1
             beside = Stepper(problem, self.options).left(iterate_at(problem, result.x, result.multipliers))
@@ -117,8 +123,6 @@ class Exchange:
         near, value = self.sides.near(shape, self.gap + CROSSED * length)
         value = value - self.gap
         keep = value <= NEARLY_CLOSED * length
-        if self.gone:
-            keep &= np.array([name not in self.gone for name in near.names()], dtype=bool)
         possible, value = near.take(keep), value[keep]
         forces = np.array([known.get(name, 0.0) for name in possible.names()])
         # Where gaps depend on each other forces can be shared out in many ways: one that serves is kept.
@@ -133,7 +137,7 @@ def _pushing_at(problem: RestingProblem, x: Array, own: Array, forces: Array) ->
 
     With p = p_0 + V f for forces f, V = K^-1 G^T, linearised gaps are q + M f with M = G V, and f >= 0
     minimises f.M f / 2 + q.f: a problem of non-negative least squares, of which M may be singular. K has
-    `PROXIMAL` added to W: at a stationary point that changes no force, and soft modes would drown all
+    `PROXIMAL` or more added to W: at a stationary point that changes no force, and soft modes would drown all
     differences between gaps. Where gaps depend on each other, some that suffice get all the force.
     """
     if not len(forces):
@@ -143,7 +147,7 @@ def _pushing_at(problem: RestingProblem, x: Array, own: Array, forces: Array) ->
     assert local.touched is not None
     rows = problem.rows_of(local.touched.jacobian)
     matrix = kkt_matrix(problem, local.keeping(0), problem.rotations(x))
-    factor = Factor(matrix, shift=-PROXIMAL)
+    factor = _convex(matrix)
     n, tail = problem.size, np.zeros(matrix.tail)
     gradient = problem.base.lagrangian_gradient(local.free, own) - forces @ rows
     p = factor.solve(np.concatenate((-gradient, -local.free.constraints, tail)))[:n]
@@ -155,6 +159,14 @@ def _pushing_at(problem: RestingProblem, x: Array, own: Array, forces: Array) ->
     return problem.pairs.take(keep), found[keep]
 
 
+def _convex(matrix: KKTMatrix) -> Factor:
+    """Factors with as much added to W as makes it positive definite on the constraints' null space."""
+    added = PROXIMAL
+    while (factor := Factor(matrix, shift=-added)).surplus > 0 and added < MOST_PROXIMAL:
+        added *= 10.0
+    return factor
+
+
 def off_features(shape: Shape, pairs: Pairs) -> Array:
     """How far off (k,) places of contact are from their features, in the features' coordinates."""
     at = places(shape, pairs)
@@ -164,8 +176,10 @@ def off_features(shape: Shape, pairs: Pairs) -> Array:
 
 def pushing(m: Array, away: Array) -> Array:
     """Forces f >= 0 (k,) with m f + away >= 0 where f = 0 and = 0 where f > 0, m (k,k) symmetric, which
-    may be singular: of gaps that depend on each other some that suffice get all the force. Raises NoRestError
-    where no gap gives way to a force, as may be far from any minimum."""
+    may be singular: of gaps that depend on each other some that suffice get all the force. Raises
+    NoRestError where no gap gives way to a force, as may be far from any minimum."""
+    if not (np.isfinite(m).all() and np.isfinite(away).all()):
+        raise NoRestError("gaps have no derivatives, as where edges that touch are parallel")
     values, axes = np.linalg.eigh(0.5 * (m + m.T))
     if values[-1] <= 0.0:
         raise NoRestError("no gap gives way to a force there")

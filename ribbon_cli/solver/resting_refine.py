@@ -11,21 +11,39 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..model.band import Array, State
+from ..model.band import State
 from ..model.folding import ClosureError
 from ..model.problem import Problem
 from ..model.topology import linking_number
-from ..model.touching import EDGE, FACET, VERTEX, IntArray, Shape
-from ..model.touching_gaps import Pairs, places
+from ..model.touching import FACET, VERTEX, Shape
+from ..model.touching_distances import Distances, nearer
+from ..model.touching_gaps import Pairs
+from ..model.touching_sides import Sides
 from .kkt import FactorisationError
 from .newton import estimate_multipliers
-from .prolongation import Phase, phase_of, smooth
-from .resting_exchange import NoRestError
-from .resting_set import SLIP, Guess, Rest, exchanged, let_down
+from .prolongation import Phase, divided, phase_of, smooth
+from .resting_exchange import Exchange, NoRestError
+from .resting_set import (
+    REACHES,
+    SLIP,
+    Guess,
+    Rest,
+    accepted,
+    let_down,
+    opened,
+    united,
+    way_between,
+)
+from .status import Status
 
 SAME_LINKING = 1e-6
+
+TOUCHES = 1e-9
+"""Gap, as part of l, up to which features of the coarse shape touch."""
 FARTHEST = 2.0
 """Change from a prolonged shape beyond which a search for the gaps that push goes somewhere else."""
+NEAR_SADDLE = 10.0
+"""Residual from which saddles are stepped onto: sliding, a symmetry but for the grid, has many of them."""
 
 
 def resting_refined(rest: Rest, segments: int) -> Rest:
@@ -40,53 +58,85 @@ def resting_refined(rest: Rest, segments: int) -> Rest:
     if rest.band.closed:
         phases.append(Phase.NODE if phases[0] is Phase.FACET else Phase.FACET)
     ends, failures = [], []
-    for search in (exchanged, let_down):
-        for phase in phases:
-            try:
-                guess = _guess(rest, smooth(rest.state, segments, phase).state)
-                end = search(guess)
-                _same_linking(rest.state, end.state)
-            except (ClosureError, FactorisationError, NoRestError) as failure:
-                failures.append(f"inflections on a {phase.value}: {failure}")
-                continue
-            if end.result.certified:
-                return end
-            ends.append(end)
-        if ends:
-            return ends[0]
-    raise NoRestError("; ".join(failures))
+    for phase in phases:
+        try:
+            end = _settled(_guess(rest, smooth(rest.state, segments, phase).state))
+            _same_linking(rest.state, end.state)
+        except (ClosureError, FactorisationError, NoRestError) as failure:
+            failures.append(f"inflections on a {phase.value}: {failure}")
+            continue
+        if end.result.certified:
+            return end
+        ends.append(end)
+    if not ends:
+        raise NoRestError("; ".join(failures))
+    return ends[0]
+
+
+def _settled(guess: Guess) -> Rest:
+    """The shape at rest near a place: by exchange of gaps, else by a barrier, from a saddle that was met on
+    the way or from the beginning. Raises NoRestError."""
+    start = opened(guess, 0.5 * REACHES[0] * guess.band.length)
+    sides = Distances() if guess.gap else Sides(Shape.of(start), Pairs.none())
+    search = Exchange(guess.band, sides, FARTHEST, guess.gap, NEAR_SADDLE)
+    x = start.vector()
+    own = estimate_multipliers(Problem(guess.band), x)
+    try:
+        problem, result = search.rest(x, own, guess.pairs, guess.forces)
+        if result.status is not Status.SADDLE:
+            return accepted(guess.before, problem, result, SLIP, search.steps, ("exchange",))
+    except NoRestError:
+        if search.saddle is None:
+            return let_down(guess)
+    assert search.saddle is not None
+    saddle = accepted(guess.before, *search.saddle, SLIP, search.steps, ("saddle",))
+    x, own = saddle.result.x, saddle.multipliers
+    return let_down(Guess(saddle.state, guess.band, x, own, saddle.pairs, saddle.forces, guess.gap))
 
 
 def _guess(rest: Rest, start: State) -> Guess:
-    """The prolonged shape, with the coarse shape's gaps on the finer grid."""
-    pairs = finer_pairs(Shape.of(rest.state, rest.gap), rest.pairs, start.band.segments // rest.band.segments)
-    x = start.vector()
-    own = estimate_multipliers(Problem(start.band), x)
-    return Guess(rest.state, start.band, x, own, pairs, np.zeros(len(pairs)), rest.gap, SLIP)
+    """The prolonged shape, with the gaps to open in it, on the sides on which they were in the coarse one: of
+    what touches there, and of what passes through itself on the way. A gap that is not zero has no sides."""
+    gap, length, parts = rest.gap, start.band.length, start.band.segments // rest.band.segments
+    if gap:
+        pairs = nearer(Shape.of(start, gap), gap + REACHES[0] * length)
+    else:
+        # Of what touches, collision detection knows by rounding alone on which side it was.
+        coarse, kept = Shape.of(divided(rest.state, parts)), _finer(rest.pairs, parts)
+        pairs = united(kept, Sides(coarse, kept).near(coarse, TOUCHES * length)[0])
+        pairs = united(pairs, way_between(rest.state, start).passages().pairs.unique())
+    return Guess(rest.state, start.band, start.vector(), None, pairs, np.zeros(len(pairs)), gap, SLIP)
 
 
-def finer_pairs(shape: Shape, pairs: Pairs, parts: int) -> Pairs:
-    """What touches, in the numbers of the same shape with every facet cut into equal parts."""
-    at = places(shape, pairs)
-    return Pairs(_finer(pairs.first, at[:, 0], parts), _finer(pairs.second, at[:, 2], parts), pairs.sign)
+def _finer(pairs: Pairs, parts: int) -> Pairs:
+    """What touches, in the numbers of the same shape with every facet cut into equal parts, each of them."""
+    rows: list[tuple[int, int, int, int]] = []
+    signs: list[float] = []
+    for name, sign in zip(pairs.names(), pairs.sign.tolist(), strict=True):
+        found = [(*a, *b) for a in _parts(*name[:2], parts) for b in _parts(*name[2:], parts)]
+        rows += found
+        signs += [sign] * len(found)
+    table = np.array(rows, dtype=np.int64).reshape(-1, 4)
+    return Pairs(table[:, :2], table[:, 2:], np.array(signs))
 
 
-def _finer(features: IntArray, along: Array, parts: int) -> IntArray:
-    """Features (k,2) and where they touch, along the strip, on the finer grid."""
-    kind, number = features.T
-    part = np.clip((parts * along).astype(np.int64), 0, parts - 1)
-    track = np.where(kind == EDGE, number % 3, number % 2)
-    vertex = 2 * parts * (number // 2) + track
-    edge = 3 * (parts * (number // 3) + np.where(track > 0, part, 0)) + track
-    facet = parts * number + part
-    finer = np.select([kind == VERTEX, kind == EDGE, kind == FACET], [vertex, edge, facet])
-    return np.column_stack((kind, finer))
+def _parts(kind: int, number: int, parts: int) -> list[tuple[int, int]]:
+    """A feature cut into parts."""
+    if kind == VERTEX:
+        return [(kind, 2 * parts * (number // 2) + number % 2)]
+    if kind == FACET:
+        return [(kind, parts * number + k) for k in range(parts)]
+    k, track = divmod(number, 3)
+    return [(kind, 3 * (parts * k + j) + track) for j in range(parts if track else 1)]
 
 
 def _same_linking(coarse: State, fine: State) -> None:
     """Raise NoRestError if a closed band's linking number changed."""
     if not coarse.band.closed:
         return
-    one, other = (linking_number(s.u, s.g, s.band.sigma, s.band.h).linking_number for s in (coarse, fine))
+    try:
+        one, other = (linking_number(s.u, s.g, s.band.sigma, s.band.h).linking_number for s in (coarse, fine))
+    except ValueError as error:
+        raise NoRestError(str(error)) from error
     if abs(one - other) > SAME_LINKING:
         raise NoRestError(f"the linking number changed from {one:g} to {other:g}")

@@ -19,8 +19,9 @@ from ..model.problem import Problem
 from ..model.touching import Shape
 from ..model.touching_audit import Audit, Motion, audit
 from ..model.touching_barrier import candidates
+from ..model.touching_distances import Distances, nearer
 from ..model.touching_gaps import Pairs, arguments, gaps, vectors
-from ..model.touching_sides import Distances, Sides, nearer
+from ..model.touching_sides import Sides
 from ..parts import HALF_WIDTH
 from .kkt import FactorisationError
 from .linear import Factor
@@ -133,6 +134,7 @@ def slopes(rest: Rest, name: str = HALF_WIDTH) -> Slopes:
     return Slopes(z[:n], -z[n : n + problem.rows], along.lagrangian)
 
 
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def moved(rest: Rest, band: Band, by: float, along: Slopes, gap: float | None = None) -> Rest:
     """The next shape with the same pairs, with a band of other parameters or at another gap. Raises
     NoRestError."""
@@ -222,26 +224,38 @@ class Guess:
     before: State
     band: Band
     x: Array
-    multipliers: Array
+    multipliers: Array | None
     pairs: Pairs
     forces: Array
     gap: float = 0.0
     slip: float = 10.0 * DEPTH
 
 
-def exchanged(guess: Guess, farthest: float = FARTHEST) -> Rest:
-    """The shape at rest near a place, with gaps exchanged on the way. Raises NoRestError."""
-    before, gap, x, kept = guess.before, guess.gap, guess.x, guess.pairs
-    if before.band.segments != guess.band.segments:
-        # On another grid sides are known where nothing crosses.
-        before, kept = _opened(guess, 0.5 * REACHES[0] * guess.band.length), Pairs.none()
-        x = before.vector()
-    sides = Distances(gap) if gap else Sides(Shape.of(before), kept)
-    search = Exchange(guess.band, sides, farthest, gap)
-    problem, result = search.rest(x, guess.multipliers, guess.pairs, guess.forces)
-    return accepted(guess.before, problem, result, SLIP, search.steps, ("exchange",))
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
+def exchanged(guess: Guess) -> Rest:
+    """The shape at rest near a place, with gaps exchanged on the way: a certified minimum if there is one,
+    first where sheets slip off each other, then held at corners. Raises NoRestError."""
+    shape, own = Shape.of(guess.before), guess.multipliers
+    assert own is not None
+    ends, why = [], NoRestError("")
+    for corners in (False,) if guess.gap else (False, True):
+        sides = Distances() if guess.gap else Sides(shape, guess.pairs, corners)
+        search = Exchange(guess.band, sides, FARTHEST, guess.gap)
+        try:
+            problem, result = search.rest(guess.x, own, guess.pairs, guess.forces)
+            end = accepted(guess.before, problem, result, SLIP, search.steps, ("exchange",))
+        except NoRestError as failure:
+            why = failure
+            continue
+        if end.result.certified:
+            return end
+        ends.append(end)
+    if not ends:
+        raise why
+    return ends[0]
 
 
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def let_down(guess: Guess) -> Rest:
     """The shape at rest near a place, which need not be one that keeps gaps, by a barrier, then without it.
     Raises NoRestError.
@@ -251,7 +265,7 @@ def let_down(guess: Guess) -> Rest:
     """
     band, gap, own = guess.band, guess.gap, guess.multipliers
     length = band.length
-    start = _opened(guess, 0.5 * REACHES[0] * length)
+    start = opened(guess, 0.5 * REACHES[0] * length)
     steps, x, why = 0, start.vector(), NoRestError("no reach")
     for k, reach in enumerate(REACHES):
         problem = BarrierProblem(band, reach * length, gap)
@@ -271,7 +285,7 @@ def let_down(guess: Guess) -> Rest:
             continue
         near = problem.near(x)
         listed, forces = candidates(problem.shape(x), near, problem.forces(x, near), gap)
-        sides = Distances(gap) if gap else Sides(problem.shape(x), Pairs.none())
+        sides = Distances() if gap else Sides(problem.shape(x), Pairs.none(), corners=True)
         search = Exchange(band, sides, WANDERED, gap)
         try:
             polished, found = search.rest(x, own, listed, forces)
@@ -281,7 +295,7 @@ def let_down(guess: Guess) -> Rest:
     raise why
 
 
-def _opened(guess: Guess, room: float) -> State:
+def opened(guess: Guess, room: float) -> State:
     """A shape that crosses nothing, nor does the way to it: the place of a guess with gaps opened to `room`
     more than they are to be, those known and those of what passes through itself. Raises NoRestError."""
     band, gap, x, pairs = guess.band, guess.gap, guess.x, guess.pairs
@@ -316,7 +330,7 @@ def way_between(before: State, after: State, gap: float = 0.0) -> Motion:
     where that has too many facets."""
     one, other = before.band.segments, after.band.segments
     both = math.lcm(one, other)
-    if both > MOST_FACETS:
+    if one != other and both > MOST_FACETS:
         raise NoRestError(f"no way from N = {one} to {other} can be looked at: double N instead")
     first, last = (Shape.of(divided(state, both // state.band.segments), gap) for state in (before, after))
     return Motion(first, last)

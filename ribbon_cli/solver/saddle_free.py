@@ -21,6 +21,7 @@ from ..model.problem import LocalDerivatives, Problem
 from .inertia import inertia
 from .kkt import FactorisationError, KKTMatrix
 from .linear import RESIDUAL_LIMIT, Factor
+from .resting_kkt import RestingDerivatives
 
 LANCZOS_LIMIT = 60
 """Above this number of negative eigenpairs, or a sixth of all, the dense method is the cheaper one."""
@@ -325,5 +326,7 @@ def dense_negative_eigenpairs(
     vectors = basis @ y[:, keep]
     excess = hessian @ vectors - vectors * values[keep]
     rows = np.vstack((problem.jacobian_matrix(local).toarray(), rotations.T))
-    nu = scipy.linalg.lstsq(rows.T, excess)[0][: problem.rows]
+    # With gaps there are several such problems in a search, and a QR takes a tenth of an SVD.
+    driver = "gelsy" if isinstance(local, RestingDerivatives) else None
+    nu = scipy.linalg.lstsq(rows.T, excess, lapack_driver=driver)[0][: problem.rows]
     return values[keep], vectors, nu

@@ -181,11 +181,14 @@ def _read_contacts(found: Mapping[str, np.ndarray[Any, Any]]) -> Contacts:
         raise ValueError(f"it has contacts, and no {', '.join(missing)}")
     if any(found[name].dtype.kind not in "fiu" for name in _CONTACTS):
         raise ValueError("its contacts are not numbers")
-    values = {name.removeprefix("contact_"): found[name] for name in _CONTACTS}
-    scalars = {name: float(value) for name, value in values.items() if not value.shape}
-    contacts = Contacts(**(values | scalars))
-    numbers = (*scalars.values(), *contacts.force, *contacts.value)
-    if not all(map(math.isfinite, numbers)) or not contacts.gap >= 0.0:
+    scalars = ("gap", "excluded", "clearance", "penetration")
+    if any(found[f"contact_{name}"].shape for name in scalars):
+        raise ValueError(f"its contact_{', contact_'.join(scalars)} are not a number each")
+    values: dict[str, Any] = {name.removeprefix("contact_"): found[name] for name in _CONTACTS}
+    numbers = {name: float(values[name]) for name in scalars}
+    contacts = Contacts(**(values | numbers))
+    every = (*numbers.values(), *contacts.force, *contacts.value)
+    if not all(map(math.isfinite, every)) or not contacts.gap >= 0.0:
         raise ValueError("its contacts are not finite, or their gap is negative")
     return contacts
 

@@ -1,7 +1,8 @@
 """The initial guess of a config: made by its recipe, or given, then freed.
 
 With contact forces, a guess that would cross itself is made narrower, freed there without contact and looked
-at over all pairs of features. From there it is widened with contact.
+at over all pairs of features. From there it is widened with contact. A guess that is a saddle, and that of a
+recipe whose bands rest on themselves from the beginning, is let down with contact.
 """
 
 from __future__ import annotations
@@ -160,6 +161,11 @@ def _freed(
             return end
         if resting.crosses(result.state, walk.gap):
             return Failure("solve", Status.GAP_LOST, "", {"stage": stage.name}, "a narrower guess")
+        if result.status is Status.SADDLE and not config.guess.keep_saddle:
+            # Without contact its way down leads through the band; with contact it ends where the band rests.
+            below = resting.let_down_from(walk, result.state, stage.name, method)
+            if isinstance(below, Ended):
+                return below
         return resting.at_rest(end, walk.gap)
 
     return walk.reach(stage, freed if given is None or given.contacts is None else rested)

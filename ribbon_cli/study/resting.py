@@ -7,28 +7,31 @@ all pairs of features: the end, and the straight way to it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from ..facts import Event, event
 from ..model.band import Band, State
-from ..model.problem import Problem
 from ..model.touching import Shape
 from ..model.touching_audit import audit
 from ..model.touching_gaps import Pairs
 from ..solver.kkt import FactorisationError
-from ..solver.newton import Options, estimate_multipliers, solve
+from ..solver.newton import Options, solve
 from ..solver.resting import RestingProblem
+from ..solver.resting_barrier import BarrierProblem
 from ..solver.resting_exchange import GapLostError, NoRestError
 from ..solver.resting_refine import resting_refined
 from ..solver.resting_set import (
+    BARRIER_GOAL,
     DEPTH,
+    MOST_SADDLES,
     Guess,
     Rest,
     Slopes,
-    found,
+    exchanged,
     let_down,
     moved,
     rest_at,
@@ -44,7 +47,11 @@ from .progress import Step
 from .records import pairs_of, rest_of
 from .walk import Ended, Walk
 
-KEPT, FOUND = "with the same contacts", "by a barrier"
+FAR = 3e-3
+"""Reach, as part of l, of the barrier by which a shape that is far from rest is let down first."""
+MOST_DESCENTS = 400
+MISFIT = 0.05
+"""Error of the energy by the slopes at both ends of a step, relative to the larger, from which it is told."""
 
 
 def again(state: State, contacts: Contacts, gap: float) -> Rest:
@@ -70,21 +77,29 @@ def crosses(state: State, gap: float) -> bool:
 
 
 def let_down_from(walk: Walk, state: State, stage: str, method: str) -> Ended | Failure:
-    """The shape at rest next to one that touches nothing and is no equilibrium, with contact forces on all
-    the way.
+    """The shape at rest below one that does not cross itself and is no minimum, with contact forces on all
+    the way: a barrier of a wide reach leads there, however far it is.
     """
     assert walk.gap is not None
-    band, x = state.band, state.vector()
+    band, gap = state.band, walk.gap
+    barrier = BarrierProblem(band, FAR * band.length, gap)
+    options = Options(
+        way=barrier.allows,
+        leave_saddles=MOST_SADDLES,
+        max_steps=MOST_DESCENTS,
+        goal=BARRIER_GOAL,
+        tolerance=BARRIER_GOAL,
+    )
+    low = solve(barrier, state.vector(), None, options)
+    walk.progress(Step(low.steps, low.energy, max(low.kkt_residual, low.constraint_residual)))
     try:
-        own = estimate_multipliers(Problem(band), x)
-        end = let_down(Guess(state, band, x, own, Pairs.none(), np.empty(0), walk.gap))
-    except FactorisationError as error:
-        return Failure("solve", Status.NO_REST, f"({error}.)", {"stage": stage})
+        end = let_down(Guess(low.state, band, low.x, low.multipliers, Pairs.none(), np.empty(0), gap))
     except NoRestError as error:
-        return Failure("solve", status_of(error), f"({error}.)", {"stage": stage}, "a narrower guess")
-    result = replace(walk.checked(end.result), steps=end.steps)
+        return failed(error, stage)
+    result = replace(walk.checked(end.result), steps=low.steps + end.steps)
     walk.progress(Step(end.steps, result.energy, max(result.kkt_residual, result.constraint_residual)))
-    return Ended(end.problem, result, method)
+    left = (event("saddle-left", index=s.index, energy=s.energy) for s in low.saddles)
+    return Ended(end.problem, result, method, tuple(left))
 
 
 def passes(end: Ended | Failure, before: State, gap: float) -> bool:
@@ -105,26 +120,34 @@ def step(
     """The shape at rest on itself at other parameters, those of a band; `target` names the ones that move."""
     assert walk.gap is not None
     rest = rest_of(start, walk.gap)
-    along, by = _ahead(rest, band)
     ends: list[tuple[Rest, Result, str]] = []
     whys: list[NoRestError] = []
-    for word in (KEPT, FOUND):
+    for word, way in _ways(rest, band):
         try:
-            if word == FOUND:
-                end = found(rest, band, by, along)
-            elif along is not None and len(rest.pairs):
-                end = moved(rest, band, by, along)
-            else:
-                continue
+            end = way()
         except NoRestError as error:
             whys.append(error)
             continue
         result = replace(walk.checked(end.result), steps=end.steps)
         walk.progress(Step(end.steps, result.energy, max(result.kkt_residual, result.constraint_residual)))
         ends.append((end, result, word))
-        if result.certified:
+        if result.certified or result.status.value == start.status == Status.UNDECIDED.value:
             break
     return _chosen(rest, ends, whys, target, before)
+
+
+def _ways(rest: Rest, band: Band) -> Iterator[tuple[str, Callable[[], Rest]]]:
+    """Ways to the next shape at rest, in words, in the order tried."""
+    along, by = _ahead(rest, band)
+    x, multipliers = rest.result.x, rest.result.multipliers
+    if along is not None:
+        if len(rest.pairs):
+            yield "with the same contacts", partial(moved, rest, band, by, along)
+        x, multipliers = x + by * along.x, multipliers + by * along.multipliers
+    own, forces = rest.problem.split(multipliers)
+    guess = Guess(rest.state, band, x, own, rest.pairs, forces, rest.gap)
+    yield "with other contacts", partial(exchanged, guess)
+    yield "by a barrier", partial(let_down, guess)
 
 
 def _chosen(
@@ -158,8 +181,25 @@ def _ended(
 ) -> Ended:
     names = ", ".join("width" if name == "half_width" else name for name in target)
     method = f"continuation in {names}, {word}" if len(end.pairs) else f"continuation in {names}"
-    events = (*changes(rest, end, target),)
-    return Ended(end.problem, result, method, events, before)
+    told = (*changes(rest, end, target), *_doubts(rest, end))
+    return Ended(end.problem, result, method, told, before)
+
+
+def _doubts(rest: Rest, end: Rest) -> tuple[Event, ...]:
+    """Whether energies and their slopes say that the step may have left its branch.
+
+    Where contacts change slopes jump, and nothing proves that a branch was followed; without contact a step
+    is not taken where they disagree.
+    """
+    (here, by), (there, _) = _ahead(rest, end.band), _ahead(end, rest.band)
+    if here is None or there is None:
+        return ()
+    # The way back is counted from the end: of several parameters its rates have the other sign.
+    rise = -there.rise if len(Way.between(rest.band, end.band).rates) > 1 else there.rise
+    change, expected = end.result.energy - rest.result.energy, 0.5 * by * (here.rise + rise)
+    if abs(change - expected) <= MISFIT * abs(by) * max(abs(here.rise), abs(rise)):
+        return ()
+    return (event("slopes-disagree", change=change, expected=expected),)
 
 
 def refined(walk: Walk, start: StateRecord, segments: int, stage: str) -> Ended | Failure:
@@ -171,7 +211,7 @@ def refined(walk: Walk, start: StateRecord, segments: int, stage: str) -> Ended 
         return failed(error, stage)
     result = replace(walk.checked(end.result), steps=end.steps)
     walk.progress(Step(end.steps, result.energy, max(result.kkt_residual, result.constraint_residual)))
-    return Ended(end.problem, result, "smooth prolongation, then by a barrier")
+    return Ended(end.problem, result, "smooth prolongation with contact")
 
 
 def changes(rest: Rest, end: Rest, target: Mapping[str, float]) -> tuple[Event, ...]:

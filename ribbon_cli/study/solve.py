@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..config import Arclength, Config, dump_resolved
+from ..doors import Later
 from ..errors import UsageError
 from ..facts import same_value
 from ..parts import HALF_WIDTH, PARAMETERS
@@ -30,7 +31,11 @@ from .walk import Walk
 
 if TYPE_CHECKING:
     from ..model.band import State
+    from . import contact, stepping, touch_down
     from .given import Given
+else:
+    contact, stepping = Later("ribbon_cli.study.contact"), Later("ribbon_cli.study.stepping")
+    touch_down = Later("ribbon_cli.study.touch_down")
 
 _COMPUTING = (".guess", ".stepping", ".contact", ".touch_down", ".branch")
 """Modules that compute, with all that they import. A run that lasts takes them in at once: one that is first
@@ -253,9 +258,7 @@ class _Study:
 
     def _step(self, before: Summary | None, current: Summary, goal: Goal) -> Summary | None:
         """The longest step towards a goal that works, computed; `stopped` is set where none does."""
-        from .stepping import longest_step
-
-        following, why = longest_step(self.walk, before, current, goal)
+        following, why = stepping.longest_step(self.walk, before, current, goal)
         if why is not None:
             self._stop(why.sentence)
         elif following is not None and not self.walk.goes_on(following):  # stored, and a saddle was met again
@@ -266,17 +269,13 @@ class _Study:
         """Where self-contact begins or ends on a step towards a goal in one parameter, where it does."""
         if self.walk.gap is not None:
             if bool(before.contacts) != bool(after.contacts):
-                from .touch_down import locate
-
-                locate(self.walk, before, after)
+                touch_down.locate(self.walk, before, after)
             return None
         if before.self_contact == after.self_contact or goal.one is None:
             return None
-        from .contact import locate_contact
-
         there = {**_known(before), **goal.to}[HALF_WIDTH]
         beside = (refined_at(self.config, end) for end in (there, before.half_width))
-        found = locate_contact(self.walk, before, after, next(filter(None, beside), ()), goal.one)
+        found = contact.locate_contact(self.walk, before, after, next(filter(None, beside), ()), goal.one)
         return found[0].value if found else None
 
     def _branches(self, start: Summary, request: Arclength, scheduled: bool) -> None:
@@ -324,9 +323,7 @@ class _Study:
         if self.walk.gap is None or start is None or not self.walk.goes_on(start):
             return why
         self.journal.note(why.bare)
-        from .stepping import all_the_way
-
-        return all_the_way(self.walk, start, Goal(goal.to, stage=goal.refined(segments)))
+        return stepping.all_the_way(self.walk, start, Goal(goal.to, stage=goal.refined(segments)))
 
     # --- small things ---
 
