@@ -46,8 +46,8 @@ def schoenke(half_twists: int, segments: int, half_width: float) -> str:
         (changed("0.2, 0.5,", "0.2, -0.5,"), "mobius.yaml:6:20: widths[2]: must be > 0, got -0.5"),
         (
             changed("recipe: twist", "recipe: twits"),
-            "mobius.yaml:5:25: initial_guess.recipe: must be cylinder, twist, eversion, schoenke or strip, "
-            "got twits, did you mean twist?",
+            "mobius.yaml:5:25: initial_guess.recipe: must be cylinder, twist, eversion, schoenke, "
+            "figure-eight or strip, got twits, did you mean twist?",
         ),
         (
             changed("recipe: twist", "recipe: eversion"),
@@ -68,7 +68,7 @@ def schoenke(half_twists: int, segments: int, half_width: float) -> str:
         (
             changed("half_twists: 1", "half_twists: 2"),
             "mobius.yaml:5:25: initial_guess.recipe: twist does not fit the topology: "
-            "needs half_twists 1 or -1, got 2; no recipe makes these: start from a state, {state: ...}",
+            "needs half_twists 1 or -1, got 2; take figure-eight",
         ),
         (
             changed("half_twists: 1", "half_twists: -3"),
@@ -78,8 +78,7 @@ def schoenke(half_twists: int, segments: int, half_width: float) -> str:
         (
             schoenke(2, 50, 0.1),
             "mobius.yaml:5:25: initial_guess.recipe: schoenke does not fit the topology: "
-            "needs half_twists 3 or more, or -3 or less, got 2; "
-            "no recipe makes these: start from a state, {state: ...}",
+            "needs half_twists 3 or more, or -3 or less, got 2; take figure-eight",
         ),
         (
             schoenke(7, 50, 0.1),
@@ -186,7 +185,7 @@ def schoenke(half_twists: int, segments: int, half_width: float) -> str:
         (
             changed("recipe: twist, ", ""),
             "mobius.yaml:5:16: initial_guess.recipe: is missing: "
-            "give cylinder, twist, eversion, schoenke, strip, or start from a state: {state: ...}",
+            "give cylinder, twist, eversion, schoenke, figure-eight, strip, or start from a state: {state: ...}",
         ),
         (
             changed("half_width: 0.1", "half_width: 7"),

@@ -91,9 +91,7 @@ def survey_band(config: Config, root: Path) -> Band:
     """The band that is surveyed. Raises UsageError."""
     guess = config.guess
     if config.contact.forces:
-        raise UsageError(
-            f"{config.path}: contact: a survey knows no contact forces: give `contact: record`"
-        )
+        raise UsageError(f"{config.path}: contact: a survey knows no contact forces: give `contact: record`")
     band = given_band(config, root)
     if band is None:
         assert guess.segments is not None
