@@ -133,12 +133,12 @@ def test_gaps_are_exchanged():
     own, forces = problem.split(result.multipliers)
     rest = rest_at(result.state, own, problem.pairs, forces)
     along = slopes(rest)
-    end = found(rest, rest.band.with_half_width(1.68), 0.03, along)
+    end = found(rest, rest.band.with_half_width(1.64), -0.01, along)
     assert end.changes == ("exchange",)
     assert end.result.certified
     assert end.pairs.names() != rest.pairs.names()
     assert end.audit.penetration <= 1e-9 * rest.band.length
-    again = found(rest, rest.band.with_half_width(1.68), 0.03, along)
+    again = found(rest, rest.band.with_half_width(1.64), -0.01, along)
     assert again.result.x.tobytes() == end.result.x.tobytes()
 
 

@@ -10,7 +10,8 @@ motion to it are audited over all pairs, independently of all lists.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -33,6 +34,7 @@ from .resting_certificate import PULLS, certified
 from .resting_exchange import OFF, Exchange, GapLostError, NoRestError, off_features, pushing
 from .resting_kkt import RestingDerivatives, kkt_matrix
 from .status import STATIONARY, Result, Status
+from .tracking import Way
 
 DEPTH = 1e-10
 """Depth, as part of l, from which a crossing counts: a tenth of what a certificate allows."""
@@ -209,10 +211,41 @@ def found(rest: Rest, band: Band, by: float, along: Slopes | None, gap: float | 
         x, multipliers = x + by * along.x, multipliers + by * along.multipliers
     own, forces = rest.problem.split(multipliers)
     guess = Guess(rest.state, band, x, own, rest.pairs, forces, gap)
+    ways = [partial(exchanged, guess), partial(let_down, guess)]
+    if gap == rest.gap and along is not None:
+        ways.insert(1, partial(_in_halves, rest, band, by, along))
+    ends, why = [], NoRestError("")
+    for way in ways:
+        try:
+            end = way()
+        except NoRestError as failure:
+            why = failure
+            continue
+        if end.result.certified:
+            return end
+        ends.append(end)
+    if not ends:
+        raise why
+    return ends[0]
+
+
+def _in_halves(rest: Rest, band: Band, by: float, along: Slopes) -> Rest:
+    """The next shape by way of one half-way to it, certified. Raises NoRestError."""
+    way, half = Way.between(rest.band, band), 0.5 * by
+    x, multipliers = rest.result.x + half * along.x, rest.result.multipliers + half * along.multipliers
+    own, forces = rest.problem.split(multipliers)
+    middle = exchanged(Guess(rest.state, way.middle(rest.band, band), x, own, rest.pairs, forces, rest.gap))
+    if not middle.result.certified:
+        raise NoRestError("no minimum half-way")
     try:
-        return exchanged(guess)
-    except NoRestError:
-        return let_down(guess)
+        each = [(rate, slopes(middle, name)) for name, rate in way.rates]
+    except FactorisationError as failure:
+        raise NoRestError("a fold half-way") from failure
+    x = middle.result.x + half * np.sum([rate * slope.x for rate, slope in each], axis=0)
+    more = np.sum([rate * slope.multipliers for rate, slope in each], axis=0)
+    own, forces = middle.problem.split(middle.result.multipliers + half * more)
+    end = exchanged(Guess(middle.state, band, x, own, middle.pairs, forces, rest.gap))
+    return replace(end, steps=middle.steps + end.steps)
 
 
 @dataclass(frozen=True)
