@@ -14,7 +14,7 @@ import numpy as np
 import qdldl
 
 from ..model.band import Array
-from .inertia import BlockReduction
+from .inertia import CONTRACTION, BlockReduction, radius
 from .kkt import FactorisationError, KKTMatrix
 
 DELTA = 1e-8
@@ -31,10 +31,12 @@ BACKWARD_RESIDUAL = 1e-8
 BACKWARD_LIMIT = 1e-10
 BACKWARD_GOAL = 1e-12
 BLOCK_REFINEMENTS = 2
+EXTENDED_REFINEMENTS = 4
+FORWARD_LIMIT = 1e-6
+"""Refinements with residuals in extended precision where the backward error is above its limit, and the last
+correction, as part of the solution, up to which that is trusted: what is left is smaller still."""
 PROOFS = 4
-PROBES = 6
-CONTRACTION = 0.5
-"""Regularisations tried for a proof, power iterations each, and how fast these must fall."""
+"""Regularisations tried for a proof."""
 
 
 class Factor:
@@ -93,23 +95,24 @@ class Factor:
             return self._reduced().inertia.negative
         return int((pivots < 0).sum()) - int(self.matrix.duals)
 
-    def proves_minimum(self) -> bool:
+    def proves_minimum(self, like: KKTMatrix | None = None) -> bool:
         """Whether the pivots prove that the projected Hessian has no eigenvalue below `shift`."""
-        return self.proves_at_most(0)
+        return self.proves_at_most(0, like)
 
-    def proves_at_most(self, count: int) -> bool:
+    def proves_at_most(self, count: int, like: KKTMatrix | None = None) -> bool:
         """Whether the pivots prove that the projected Hessian has at most `count` eigenvalues below `shift`.
 
         With delta > 0 on the multipliers the surplus of negative eigenvalues is that of W + A^T A / delta,
         at least that of W_c, which is its restriction to A v = 0: no more there, no more here. That roundoff
         E did not change the pivots' signs follows from rho((L D L^T)^-1 E) < 1, as no eigenvalue then passes
-        zero on the way from L D L^T to K - delta. Power iterations show how small rho is.
+        zero on the way from L D L^T to K - delta. Power iterations show how small rho is. With `like`, a
+        matrix of the same pattern at a place that counts as the same one, E is taken to that one.
         """
         low, high = 0.0, np.inf
         for _ in range(PROOFS):
             if self._pivots is None:
                 return False
-            sharp, few = self._contraction() < CONTRACTION, self.surplus <= count
+            sharp, few = self._contraction(like or self.matrix) < CONTRACTION, self.surplus <= count
             if sharp and few:
                 return True
             # More regularisation has less roundoff, less of it fewer negative eigenvalues.
@@ -124,20 +127,18 @@ class Factor:
             )
         return False
 
-    def _contraction(self) -> float:
-        """Spectral radius of (L D L^T)^-1 E, E what L D L^T lacks of the matrix, by power iterations."""
-        size = self.matrix.size
-        v = np.cos(1.0 + np.arange(size + self.matrix.border, dtype=np.float64) ** 1.5)
-        rate, length = np.inf, float(np.linalg.norm(v))
-        for _ in range(PROBES):
-            image = self._product(v)
-            image[size:] -= self._delta * v[size:]
-            v = self._inverse(image) - v
-            before, length = length, float(np.linalg.norm(v))
-            rate = length / before
-            if length == 0.0:
-                break
-        return rate
+    def _contraction(self, like: KKTMatrix) -> float:
+        """Spectral radius of (L D L^T)^-1 E, E what L D L^T lacks of a matrix, by power iterations."""
+        size = like.size
+
+        def image(v: Array) -> Array:
+            out = like.product(v)
+            if self.shift:
+                out[:size] -= self._shift_diagonal * v[:size]
+            out[size:] -= self._delta * v[size:]
+            return self._inverse(out) - v
+
+        return radius(image, size + like.border)
 
     def _inverse(self, v: Array) -> Array:
         """Apply (L D L^T)^-1."""
@@ -221,6 +222,22 @@ class Factor:
             solution = solution + blocks.solve(rhs - self._product(solution))
         reach = size + float(np.abs(solution).max())  # entries of the scaled matrix are of order one
         error = float(np.abs(rhs - self._product(solution)).max()) / reach
-        if not error <= BACKWARD_LIMIT:
+        if error <= BACKWARD_LIMIT:
+            return solution
+        last = np.inf
+        for _ in range(EXTENDED_REFINEMENTS):
+            correction = blocks.solve(self._extended_residual(rhs, solution))
+            before, last = last, float(np.abs(correction).max()) / reach
+            if not last < 0.5 * before:
+                break
+            solution = solution + correction
+        if not last <= FORWARD_LIMIT:
             raise FactorisationError(f"no accurate solution of the KKT system: residual {error:.1e}")
         return solution
+
+    def _extended_residual(self, rhs: Array, solution: Array) -> Array:
+        """rhs - (K - shift M) z, added up in extended precision where there is such a one."""
+        out = rhs - self.matrix.extended_product(solution)
+        if self.shift:
+            out[: self.matrix.size] -= self._shift_diagonal.astype(np.longdouble) * solution[: self.matrix.size]
+        return out.astype(np.float64)

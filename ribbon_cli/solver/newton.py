@@ -14,8 +14,8 @@ import numpy as np
 
 from ..model.band import Array, State
 from ..model.problem import LocalDerivatives, Problem
-from .inertia import inertia
-from .kkt import FactorisationError, KKTMatrix
+from .inertia import Inertia, inertia
+from .kkt import FINE, FactorisationError, KKTMatrix
 from .linear import RESIDUAL_LIMIT, Factor
 from .resting_kkt import kkt_matrix
 from .saddle_free import Direction, direction, newton_step
@@ -79,12 +79,17 @@ def estimate_multipliers(problem: Problem, x: Array) -> Array:
     Raises FactorisationError if the constraints are linearly dependent at x.
     """
     local = problem.local_derivatives(x, None)
-    return _estimate(problem, local, _normal_factor(problem, local))
+    return _estimate(problem, local, _normal_factor(problem, x, local))
 
 
-def _normal_factor(problem: Problem, local: LocalDerivatives) -> Factor:
-    """Factors of (I, A^T; A, 0) in the scaled metric: identity on scaled unknowns, diag(1/s^2) on x."""
-    return Factor(kkt_matrix(problem, local, np.zeros((problem.size, 0))).with_unit_metric())
+def _normal_factor(problem: Problem, x: Array, local: LocalDerivatives) -> Factor:
+    """Factors of (I, A^T; A, 0) in the scaled metric: identity on scaled unknowns, diag(1/s^2) on x.
+
+    On fine grids rotations are held as well, which changes no solution, as no constraint knows of them: the
+    matrix then has the pattern of Newton's, and shares its symbolic factorisation.
+    """
+    held = problem.rotations(x) if problem.band.segments > FINE else np.zeros((problem.size, 0))
+    return Factor(kkt_matrix(problem, local, held).with_unit_metric())
 
 
 def _estimate(problem: Problem, local: LocalDerivatives, normal: Factor) -> Array:
@@ -102,6 +107,11 @@ def inverted_facets(problem: Problem, x: Array) -> Array:
     uu, gg = np.einsum("ij,ij->i", u, u), np.einsum("ij,ij->i", g, following)
     out: Array = uu * gg - np.einsum("ij,ij->i", u, g) * np.einsum("ij,ij->i", u, following)
     return out
+
+
+def _doubt(count: Inertia) -> str:
+    """Why a count is not trusted."""
+    return f"(Roundoff may change the count: measured {count.roundoff:.1e}, pivot gap {count.gap:.1e}.)"
 
 
 def change(x: Array, step: Array) -> float:
@@ -134,8 +144,16 @@ class _Search:
         )
 
     def keep(self, x: Array, normal: Factor) -> None:
-        """Keep the normal factors of the point x."""
-        self._normal = (x, normal)
+        """Keep the normal factors of the point x; those of fine grids take much memory, and are made anew."""
+        self._normal = None if self.problem.band.segments > FINE else (x, normal)
+
+    def _normal_at(self, point: Iterate) -> Factor:
+        """The normal factors of a point."""
+        if self._normal is not None and self._normal[0] is point.x:
+            return self._normal[1]
+        normal = _normal_factor(self.problem, point.x, point.local)
+        self.keep(point.x, normal)
+        return normal
 
     def correct(self, point: Iterate, x: Array) -> Array:
         """Second-order correction: the least move that removes the constraint values at x, near a point.
@@ -144,12 +162,10 @@ class _Search:
         turn it into a long tangential step.
         """
         problem = self.problem
-        if self._normal is None or self._normal[0] is not point.x:
-            self.keep(point.x, _normal_factor(problem, point.local))
-        assert self._normal is not None
-        tail = np.zeros(self._normal[1].matrix.tail)
+        normal = self._normal_at(point)
+        tail = np.zeros(normal.matrix.tail)
         rhs = np.concatenate((np.zeros(problem.size), -problem.weighted_constraints(x), tail))
-        return self._normal[1].solve(rhs)[: problem.size]
+        return normal.solve(rhs)[: problem.size]
 
 
 def solve(
@@ -193,7 +209,7 @@ class _Solve:
             return self._result(Status.INVERTED_FACET, self.last, detail="It was so at the start.")
         try:
             if multipliers is None:
-                normal = _normal_factor(self.problem, self.last.local)
+                normal = _normal_factor(self.problem, x, self.last.local)
                 self.search.keep(x, normal)
                 self.last = iterate_at(self.problem, x, _estimate(self.problem, self.last.local, normal))
             return self._iterate(self.last)
@@ -222,6 +238,7 @@ class _Solve:
             if following is None:
                 return self._stopped(point)
             point = following
+            del matrix  # before the next one is made
 
     def _step(self, point: Iterate, matrix: KKTMatrix) -> Iterate | None:
         """One accepted step towards a stationary point, or None."""
@@ -245,34 +262,45 @@ class _Solve:
         if complaint:
             return self._result(Status.LEFT_TOPOLOGY, point, detail=complaint), None
         factor = Factor(matrix)
-        if factor.proves_minimum():
-            return self._certify(Status.MINIMUM, point, factor, 0)
-        count = inertia(matrix)
-        if not count.trusted:
-            return self._result(Status.UNDECIDED, point, detail=f"(Pivot gap {count.gap:.1e}.)"), None
-        factor = Factor(matrix)  # anew: the proof may have left one with another regularisation
-        if count.negative == 0:
-            return self._certify(Status.MINIMUM, point, factor, 0)
-        self.surplus_seen = max(self.surplus_seen, count.negative)
-        if len(self.saddles) >= self.options.leave_saddles:
-            return self._certify(Status.SADDLE, point, factor, count.negative)
-        found = direction(self.problem, point.local, point.multipliers, factor, count.negative)
-        self.saddles.append(point.met(found.index))
-        return None, self._leave(point, found)
+        following = self._settled(point, factor)
+        # What a settled point counts is to be true where Newton's next step leads as well, and with the
+        # roundoff of the derivatives there.
+        like = matrix if following is None else self._matrix_at(*following)
+        negative = 0
+        if not factor.proves_minimum(like):
+            del factor
+            count = inertia(matrix, like=like)
+            if not count.trusted:
+                return self._result(Status.UNDECIDED, point, detail=_doubt(count)), None
+            negative = count.negative
+        self.surplus_seen = max(self.surplus_seen, negative)
+        if negative and len(self.saddles) < self.options.leave_saddles:
+            # Factors anew: the proof may have left some with another regularisation.
+            found = direction(self.problem, point.local, point.multipliers, Factor(matrix), negative)
+            self.saddles.append(point.met(found.index))
+            return None, self._leave(point, found)
+        status = Status.SADDLE if negative else Status.MINIMUM
+        if following is not None:
+            return self._result(status, point, negative=negative), None
+        return self._unsettled(point, matrix)
 
-    def _certify(
-        self, status: Status, point: Iterate, factor: Factor, negative: int
-    ) -> tuple[Result | None, Iterate | None]:
-        """The result with an index, if a stationary point is as near as the residuals promise.
+    def _settled(self, point: Iterate, factor: Factor) -> tuple[Array, Array] | None:
+        """Where the next Newton step leads, if that is as near as a certificate asks for."""
+        try:
+            step, multipliers = newton_step(self.problem, point.local, point.multipliers, factor)
+        except FactorisationError:
+            return None
+        return (point.x + step, multipliers) if change(point.x, step) <= SETTLED else None
+
+    def _unsettled(self, point: Iterate, matrix: KKTMatrix) -> tuple[Result | None, Iterate | None]:
+        """The point to go on from where the stationary point is not as near as the residuals promise.
 
         Where an eigenvalue is nearly zero, as that of sliding is on fine grids, a small residual allows of a
         long way to the stationary point, and the index here need not be the one there. So the way is gone, as
         long as each Newton step is less than half the one before, and what is there is judged anew.
         """
-        step, multipliers = newton_step(self.problem, point.local, point.multipliers, factor)
+        step, multipliers = newton_step(self.problem, point.local, point.multipliers, Factor(matrix))
         left = change(point.x, step)
-        if left <= SETTLED:
-            return self._result(status, point, negative=negative), None
         contracts, self.left = left < 0.5 * self.left, left
         if contracts and left <= NEAR_STEP and self.steps < self.options.max_steps:
             following = iterate_at(self.problem, point.x + step, multipliers)
@@ -280,6 +308,11 @@ class _Solve:
                 return None, following
         detail = f"(The next Newton step would be a change of {left:.1e}.)"
         return self._result(Status.UNDECIDED, point, detail=detail), None
+
+    def _matrix_at(self, x: Array, multipliers: Array) -> KKTMatrix:
+        """The KKT matrix at a place."""
+        local = self.problem.local_derivatives(x, multipliers)
+        return kkt_matrix(self.problem, local, self.problem.rotations(x))
 
     def _meet_saddle(self, point: Iterate, factor: Factor, plain: tuple[Array, Array]) -> Iterate | None:
         """Close to a saddle, take the plain Newton step onto it, so that it is known and left on purpose.

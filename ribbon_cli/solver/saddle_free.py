@@ -18,7 +18,7 @@ import scipy
 
 from ..model.band import Array
 from ..model.problem import LocalDerivatives, Problem
-from .inertia import inertia
+from .inertia import count_below, inertia
 from .kkt import FactorisationError, KKTMatrix
 from .linear import RESIDUAL_LIMIT, Factor
 
@@ -79,11 +79,11 @@ def shift_below(matrix: KKTMatrix, count: int) -> Factor:
     """
     try:
         quick = _search_shift(lambda sigma: Factor(matrix, shift=sigma).surplus > 0, count)
-        if inertia(matrix, quick).negative == 0:
+        if count_below(matrix, quick) == 0:
             return Factor(matrix, shift=quick)
     except FactorisationError:
         pass  # unregularised counts decide
-    return Factor(matrix, shift=_search_shift(lambda sigma: inertia(matrix, sigma).negative > 0, count))
+    return Factor(matrix, shift=_search_shift(lambda sigma: count_below(matrix, sigma) > 0, count))
 
 
 def _search_shift(any_below: Callable[[float], bool], count: int) -> float:
@@ -268,7 +268,10 @@ def _negative_space(
     """
     matrix, few = factor.matrix, 2 * problem.band.segments // 6
     count = factor.surplus if index is None else index
-    if count == 0:
+    if count and index is None and problem.band.segments > DENSE_SEGMENTS:
+        # The finer the grid, the more often pivots count too many; a search in vain takes longer than a count.
+        count = count_below(matrix, 0.0)
+    if count <= 0:
         return None
     if count <= min(LANCZOS_LIMIT, few):
         try:
