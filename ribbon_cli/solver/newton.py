@@ -14,7 +14,7 @@ import numpy as np
 
 from ..model.band import Array, State
 from ..model.problem import LocalDerivatives, Problem
-from .inertia import Inertia, inertia
+from .inertia import Inertia
 from .kkt import FINE, FactorisationError, KKTMatrix
 from .linear import RESIDUAL_LIMIT, Factor
 from .resting_kkt import kkt_matrix
@@ -58,6 +58,8 @@ ARMIJO = 1e-4  # sufficient decrease, Nocedal & Wright (2006), (3.4)
 MOST_CORRECTIONS = 4
 SETTLED = 1e-5
 """Change of the next Newton step up to which a converged point is certified; Table 3.1 has at most 2e-8."""
+NORMAL_DELTA = 1e-9
+"""Regularisation of normal equations on fine grids, which have no small eigenvalues but those of A A^T."""
 NEAR_SADDLE = 1e-3
 NEAR_STEP = 0.05
 """Residual, and change of the next Newton step, up to which a saddle is stepped onto and left on purpose."""
@@ -88,8 +90,10 @@ def _normal_factor(problem: Problem, x: Array, local: LocalDerivatives) -> Facto
     On fine grids rotations are held as well, which changes no solution, as no constraint knows of them: the
     matrix then has the pattern of Newton's, and shares its symbolic factorisation.
     """
-    held = problem.rotations(x) if problem.band.segments > FINE else np.zeros((problem.size, 0))
-    return Factor(kkt_matrix(problem, local, held).with_unit_metric())
+    if problem.band.segments > FINE:
+        matrix = kkt_matrix(problem, local, problem.rotations(x)).with_unit_metric()
+        return Factor(matrix, regularisation=NORMAL_DELTA)
+    return Factor(kkt_matrix(problem, local, np.zeros((problem.size, 0))).with_unit_metric())
 
 
 def _estimate(problem: Problem, local: LocalDerivatives, normal: Factor) -> Array:
@@ -261,15 +265,14 @@ class _Solve:
         complaint = self._complaint(point)
         if complaint:
             return self._result(Status.LEFT_TOPOLOGY, point, detail=complaint), None
-        factor = Factor(matrix)
+        factor = Factor(matrix, exact=self.problem.band.segments > FINE)
         following = self._settled(point, factor)
         # What a settled point counts is to be true where Newton's next step leads as well, and with the
         # roundoff of the derivatives there.
         like = matrix if following is None else self._matrix_at(*following)
         negative = 0
-        if not factor.proves_minimum(like):
-            del factor
-            count = inertia(matrix, like=like)
+        if factor.exact or not factor.proves_minimum(like):
+            count = factor.counted(like)
             if not count.trusted:
                 return self._result(Status.UNDECIDED, point, detail=_doubt(count)), None
             negative = count.negative
