@@ -18,7 +18,7 @@ import qdldl
 
 from ..model.band import Array
 from .inertia import CONTRACTION, BlockReduction, Inertia, radius
-from .kkt import FactorisationError, KKTMatrix
+from .kkt import FINE, FactorisationError, KKTMatrix
 
 DELTA = 1e-8
 DELTA_GRID = 400
@@ -35,7 +35,7 @@ BACKWARD_LIMIT = 1e-10
 BACKWARD_GOAL = 1e-12
 BLOCK_REFINEMENTS = 2
 DIRECTIONS = 3
-ACCELERATED = 12
+ACCELERATED = 8
 """Corrections over which a residual is made least on grids of more than `DELTA_GRID` segments, and how many
 are tried."""
 EXTENDED_REFINEMENTS = 4
@@ -75,14 +75,18 @@ class Factor:
         self._known: Array | None = None
         self._solver: qdldl.Solver | None = None
         self._found = False
+        self._large = matrix.size > 7 * FINE
         self.exact = exact
         if exact:
+            if self._large:
+                matrix.pattern.idle.clear()  # memory counts for more than a symbolic factorisation
             self._reduced()
             return
         idle = matrix.pattern.idle
         self._solver = idle.pop() if idle else None
         self._factor(self._base)
-        self._untried = [self._base * f for f in DELTA_FACTORS[1:]]
+        # On the finest grids another one takes as long as the block reduction, which is sure.
+        self._untried = [] if self._large else [self._base * f for f in DELTA_FACTORS[1:]]
         if self._solver is not None:
             # Its symbolic part, four fifths of the work, serves the next matrix of this pattern.
             weakref.finalize(self, idle.append, self._solver).atexit = False
@@ -198,9 +202,11 @@ class Factor:
     def solve_roughly(self, rhs: Array) -> Array:
         """Solve for rhs (n+m+r,) with regularised factors as they are, unrefined; in full where a pivot is
         zero."""
+        scale = self.matrix.scale
+        if self.exact:
+            return scale * self._reduced().solve(scale * rhs)
         if not self._found:
             return self.solve_backward(rhs)
-        scale = self.matrix.scale
         return scale * self._inverse(scale * rhs)
 
     def _solve_scaled(self, rhs: Array, backward: bool, limit: float) -> Array:
@@ -274,7 +280,7 @@ class Factor:
     def _solve_by_blocks(self, rhs: Array, size: float) -> Array:
         blocks = self._reduced()
         solution, error = blocks.solve(rhs), np.inf
-        if not self.exact:
+        if not self._large:
             for _ in range(BLOCK_REFINEMENTS):
                 solution = solution + blocks.solve(rhs - self._product(solution))
             reach = size + float(np.abs(solution).max())  # entries of the scaled matrix are of order one

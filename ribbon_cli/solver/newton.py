@@ -213,12 +213,16 @@ class _Solve:
             return self._result(Status.INVERTED_FACET, self.last, detail="It was so at the start.")
         try:
             if multipliers is None:
-                normal = _normal_factor(self.problem, x, self.last.local)
-                self.search.keep(x, normal)
-                self.last = iterate_at(self.problem, x, _estimate(self.problem, self.last.local, normal))
+                self.last = iterate_at(self.problem, x, self._estimated(x, self.last.local))
             return self._iterate(self.last)
         except FactorisationError as error:
             return self._result(Status.STALLED, self.last, detail=f"({error}.)")
+
+    def _estimated(self, x: Array, local: LocalDerivatives) -> Array:
+        """Multipliers (5N+3,) at the start x, whose normal factors are kept."""
+        normal = _normal_factor(self.problem, x, local)
+        self.search.keep(x, normal)
+        return _estimate(self.problem, local, normal)
 
     def _iterate(self, point: Iterate) -> Result:
         options = self.options
@@ -250,6 +254,11 @@ class _Solve:
         # An inexact Newton step, as accurate as quadratic convergence or the goal needs it.
         limit = max(RESIDUAL_LIMIT, 1e-3 * min(point.worst, 1.0), 0.1 * self.options.goal / point.worst)
         plain = newton_step(self.problem, point.local, point.multipliers, factor, limit)
+        if self.problem.band.segments > FINE and factor.surplus:
+            # Regularised pivots count too many here, and do not know sliding: neither is taken from them.
+            del factor
+            factor = Factor(matrix, exact=True)
+            plain = newton_step(self.problem, point.local, point.multipliers, factor, limit)
         following = self._meet_saddle(point, factor, plain)
         if following is None:
             found = direction(
@@ -279,7 +288,8 @@ class _Solve:
         self.surplus_seen = max(self.surplus_seen, negative)
         if negative and len(self.saddles) < self.options.leave_saddles:
             # Factors anew: the proof may have left some with another regularisation.
-            found = direction(self.problem, point.local, point.multipliers, Factor(matrix), negative)
+            factor = factor if factor.exact else Factor(matrix)
+            found = direction(self.problem, point.local, point.multipliers, factor, negative)
             self.saddles.append(point.met(found.index))
             return None, self._leave(point, found)
         status = Status.SADDLE if negative else Status.MINIMUM

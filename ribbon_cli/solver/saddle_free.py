@@ -268,7 +268,7 @@ def _negative_space(
     """
     matrix, few = factor.matrix, 2 * problem.band.segments // 6
     count = factor.surplus if index is None else index
-    if count and index is None and problem.band.segments > DENSE_SEGMENTS:
+    if count and index is None and not factor.exact and problem.band.segments > DENSE_SEGMENTS:
         # The finer the grid, the more often pivots count too many; a search in vain takes longer than a count.
         count = count_below(matrix, 0.0)
     if count <= 0:
@@ -277,7 +277,8 @@ def _negative_space(
         try:
             return negative_eigenpairs(problem, factor, count, near)
         except FactorisationError:
-            pass
+            if factor.exact:
+                raise  # a shift cannot be looked for in a reasonable time
         try:
             return negative_eigenpairs(problem, _quick_shift(matrix, guess), count, near)
         except FactorisationError:
