@@ -114,6 +114,11 @@ class Factor:
             self._found = bool(self._known.all())
         return self._known if self._found else None
 
+    def be_exact(self) -> None:
+        """From here on, solve and count by the block reduction."""
+        self.exact = True
+        self._reduced()
+
     def counted(self, like: KKTMatrix | None = None) -> Inertia:
         """The count by block reduction, its roundoff measured against `like` as in `proves_at_most`."""
         return self._reduced().measured(like or self.matrix)
@@ -121,7 +126,7 @@ class Factor:
     @property
     def surplus(self) -> int:
         """Negative pivots beyond those of the multiplier block."""
-        pivots = self._pivots
+        pivots = None if self.exact else self._pivots
         if pivots is None:
             return self._reduced().negative
         return int((pivots < 0).sum()) - int(self.matrix.duals)

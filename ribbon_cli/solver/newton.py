@@ -255,10 +255,7 @@ class _Solve:
         limit = max(RESIDUAL_LIMIT, 1e-3 * min(point.worst, 1.0), 0.1 * self.options.goal / point.worst)
         plain = newton_step(self.problem, point.local, point.multipliers, factor, limit)
         if self.problem.band.segments > FINE and factor.surplus:
-            # Regularised pivots count too many here, and do not know sliding: neither is taken from them.
-            del factor
-            factor = Factor(matrix, exact=True)
-            plain = newton_step(self.problem, point.local, point.multipliers, factor, limit)
+            factor.be_exact()  # regularised pivots count too many here, and do not know sliding
         following = self._meet_saddle(point, factor, plain)
         if following is None:
             found = direction(
@@ -295,7 +292,7 @@ class _Solve:
         status = Status.SADDLE if negative else Status.MINIMUM
         if following is not None:
             return self._result(status, point, negative=negative), None
-        return self._unsettled(point, matrix)
+        return self._unsettled(point, factor if factor.exact else Factor(matrix))
 
     def _settled(self, point: Iterate, factor: Factor) -> tuple[Array, Array] | None:
         """Where the next Newton step leads, if that is as near as a certificate asks for."""
@@ -305,14 +302,14 @@ class _Solve:
             return None
         return (point.x + step, multipliers) if change(point.x, step) <= SETTLED else None
 
-    def _unsettled(self, point: Iterate, matrix: KKTMatrix) -> tuple[Result | None, Iterate | None]:
+    def _unsettled(self, point: Iterate, factor: Factor) -> tuple[Result | None, Iterate | None]:
         """The point to go on from where the stationary point is not as near as the residuals promise.
 
         Where an eigenvalue is nearly zero, as that of sliding is on fine grids, a small residual allows of a
         long way to the stationary point, and the index here need not be the one there. So the way is gone, as
         long as each Newton step is less than half the one before, and what is there is judged anew.
         """
-        step, multipliers = newton_step(self.problem, point.local, point.multipliers, Factor(matrix))
+        step, multipliers = newton_step(self.problem, point.local, point.multipliers, factor)
         left = change(point.x, step)
         contracts, self.left = left < 0.5 * self.left, left
         if contracts and left <= NEAR_STEP and self.steps < self.options.max_steps:
@@ -335,10 +332,12 @@ class _Solve:
         step, multipliers = plain
         if point.worst > NEAR_SADDLE or factor.surplus == 0:
             return None
-        if change(point.x, step) > NEAR_STEP:
+        # On fine grids looking for eigenpairs takes as long as many steps: any step that leads on is taken.
+        fine = self.problem.band.segments > FINE
+        if change(point.x, step) > (self.options.step_limit if fine else NEAR_STEP):
             return None
         trial = iterate_at(self.problem, point.x + step, multipliers)
-        if not trial.worst < 0.1 * point.worst:
+        if not trial.worst < (0.5 if fine else 0.1) * point.worst:
             return None
         return trial if self._allowed(point, trial) else None
 

@@ -27,6 +27,8 @@ LANCZOS_LIMIT = 60
 DENSE_SEGMENTS = 400
 QUICK_STEPS = 80
 """Lanczos steps without a shift, ten more for each eigenpair, before a shift is looked for."""
+EXACT_STEPS = 20
+"""The same where the block reduction solves, as on fine grids: a step takes a second at N = 100 000."""
 FIRST_SHIFT = -1e-2
 """Where a search for a shift begins if nothing is known of the eigenvalues."""
 SHIFTED_STEPS = 240
@@ -151,7 +153,8 @@ def negative_eigenpairs(
         start = start + near / np.linalg.norm(near)
     # Largest of the shifted inverse, or smallest of the inverse itself: largest of its negative.
     shifted = factor.shift < 0
-    sign, limit = (1.0, SHIFTED_STEPS) if shifted else (-1.0, QUICK_STEPS + 10 * count)
+    steps = EXACT_STEPS if factor.exact else QUICK_STEPS
+    sign, limit = (1.0, SHIFTED_STEPS) if shifted else (-1.0, steps + 10 * count)
     limit, tolerance = min(limit, n - 1), SHIFTED_TOLERANCE if shifted else LANCZOS_TOLERANCE
     # Without refinement an application costs a fourth; what it finds is a start a few steps from the end.
     found = _lanczos(
