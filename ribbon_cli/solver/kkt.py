@@ -31,7 +31,7 @@ from ..model.sparsity import COMPACT_FROM, IntArray, Scatter
 from ..model.stencil import Seam, indices
 
 BLOCK = 7 + PER_NODE
-FINE = 6400
+FINE = 3200
 """Segments beyond which memory counts: patterns and factors that could serve again are not all kept."""
 ROWS_AT_ONCE = 1 << 16
 """Rows of the matrix that are in extended precision at one time."""

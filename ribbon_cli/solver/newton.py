@@ -148,8 +148,13 @@ class _Search:
         )
 
     def keep(self, x: Array, normal: Factor) -> None:
-        """Keep the normal factors of the point x; those of fine grids take much memory, and are made anew."""
-        self._normal = None if self.problem.band.segments > FINE else (x, normal)
+        """Keep the normal factors of the point x."""
+        self._normal = (x, normal)
+
+    def leave(self, x: Array) -> None:
+        """Let the normal factors of other points than x go where they take much memory."""
+        if self.problem.band.segments > FINE and self._normal is not None and self._normal[0] is not x:
+            self._normal = None
 
     def _normal_at(self, point: Iterate) -> Factor:
         """The normal factors of a point."""
@@ -221,7 +226,8 @@ class _Solve:
     def _estimated(self, x: Array, local: LocalDerivatives) -> Array:
         """Multipliers (5N+3,) at the start x, whose normal factors are kept."""
         normal = _normal_factor(self.problem, x, local)
-        self.search.keep(x, normal)
+        if self.problem.band.segments <= FINE:
+            self.search.keep(x, normal)
         return _estimate(self.problem, local, normal)
 
     def _iterate(self, point: Iterate) -> Result:
@@ -254,6 +260,8 @@ class _Solve:
         # An inexact Newton step, as accurate as quadratic convergence or the goal needs it.
         limit = max(RESIDUAL_LIMIT, 1e-3 * min(point.worst, 1.0), 0.1 * self.options.goal / point.worst)
         plain = newton_step(self.problem, point.local, point.multipliers, factor, limit)
+        if self.problem.band.segments > FINE and point.worst <= self.options.tolerance:
+            return self._halved(point, plain)
         if self.problem.band.segments > FINE and factor.surplus:
             factor.be_exact()  # regularised pivots count too many here, and do not know sliding
         following = self._meet_saddle(point, factor, plain)
@@ -265,6 +273,12 @@ class _Solve:
             self.surplus_seen = max(self.surplus_seen, found.index)
             following = self._advance(point, found)
         return following
+
+    def _halved(self, point: Iterate, plain: tuple[Array, Array]) -> Iterate | None:
+        """The next iterate of a converged point, if it has less than half the residuals: near roundoff nothing
+        else is gained, and on fine grids a search for it takes long."""
+        trial = iterate_at(self.problem, point.x + plain[0], plain[1])
+        return trial if trial.worst < 0.5 * point.worst and self._allowed(point, trial) else None
 
     def _judge(self, point: Iterate, matrix: KKTMatrix) -> tuple[Result | None, Iterate | None]:
         """What a stationary point is: a result, or the point to go on from if it is a saddle to leave."""
@@ -344,6 +358,7 @@ class _Solve:
     def _advance(self, point: Iterate, found: Direction) -> Iterate | None:
         """One accepted step, or None."""
         self.trouble = (Status.STALLED, "")
+        self.search.leave(point.x)
         self.search.raise_penalty(found.multipliers)
         size = change(point.x, found.step)
         if not np.isfinite(size):
