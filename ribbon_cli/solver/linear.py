@@ -78,8 +78,6 @@ class Factor:
         self._large = matrix.size > 7 * FINE
         self.exact = exact
         if exact:
-            if self._large:
-                matrix.pattern.idle.clear()  # memory counts for more than a symbolic factorisation
             self._reduced()
             return
         idle = matrix.pattern.idle

@@ -196,6 +196,7 @@ class _Solve:
         self.problem = problem
         self.options = options
         self.guard_from = guard_from
+        self.fine = problem.band.segments > FINE
         self.search = _Search(problem)
         self.steps = 0
         self.saddles: list[SaddleMet] = []
@@ -226,7 +227,7 @@ class _Solve:
     def _estimated(self, x: Array, local: LocalDerivatives) -> Array:
         """Multipliers (5N+3,) at the start x, whose normal factors are kept."""
         normal = _normal_factor(self.problem, x, local)
-        if self.problem.band.segments <= FINE:
+        if not self.fine:
             self.search.keep(x, normal)
         return _estimate(self.problem, local, normal)
 
@@ -238,7 +239,9 @@ class _Solve:
             if options.watch is not None:
                 options.watch(self.steps, point.energy, point.worst)
             following: Iterate | None = None
-            if point.worst > options.goal and self.steps < options.max_steps:
+            # On fine grids the goal may be out of reach, and the last steps are those of the judgement.
+            going = point.worst > options.goal and not (self.fine and self.left < np.inf)
+            if going and self.steps < options.max_steps:
                 following = self._step(point, matrix)
                 if following is not None and following.worst > 0.5 * point.worst <= 0.5 * options.tolerance:
                     following = None  # converged, and as far as roundoff lets it
@@ -260,12 +263,12 @@ class _Solve:
         # An inexact Newton step, as accurate as quadratic convergence or the goal needs it.
         limit = max(RESIDUAL_LIMIT, 1e-3 * min(point.worst, 1.0), 0.1 * self.options.goal / point.worst)
         plain = newton_step(self.problem, point.local, point.multipliers, factor, limit)
-        if self.problem.band.segments > FINE and point.worst <= self.options.tolerance:
+        if self.fine and point.worst <= self.options.tolerance:
             return self._halved(point, plain)
-        if self.problem.band.segments > FINE and factor.surplus:
-            factor.be_exact()  # regularised pivots count too many here, and do not know sliding
         following = self._meet_saddle(point, factor, plain)
         if following is None:
+            if self.fine and factor.surplus:
+                factor.be_exact()  # regularised pivots count too many here, and do not know sliding
             found = direction(
                 self.problem, point.local, point.multipliers, factor, plain=plain, lowest=self.lowest
             )
@@ -285,28 +288,61 @@ class _Solve:
         complaint = self._complaint(point)
         if complaint:
             return self._result(Status.LEFT_TOPOLOGY, point, detail=complaint), None
-        factor = Factor(matrix, exact=self.problem.band.segments > FINE)
+        if self.fine:
+            return self._judge_fine(point, matrix)
+        factor = Factor(matrix)
         following = self._settled(point, factor)
         # What a settled point counts is to be true where Newton's next step leads as well, and with the
         # roundoff of the derivatives there.
         like = matrix if following is None else self._matrix_at(*following)
         negative = 0
-        if factor.exact or not factor.proves_minimum(like):
+        if not factor.proves_minimum(like):
             count = factor.counted(like)
             if not count.trusted:
                 return self._result(Status.UNDECIDED, point, detail=_doubt(count)), None
             negative = count.negative
+        leaves = negative > 0 and len(self.saddles) < self.options.leave_saddles
+        if following is not None and not leaves:
+            return self._counted(point, negative), None
+        factor = Factor(matrix)  # anew: the proof may have left one with another regularisation
+        if leaves:
+            return None, self._left_saddle(point, factor, negative)
+        step = newton_step(self.problem, point.local, point.multipliers, factor)
+        return self._unsettled(point, *step)
+
+    def _judge_fine(self, point: Iterate, matrix: KKTMatrix) -> tuple[Result | None, Iterate | None]:
+        """The same on fine grids, by the block reduction alone.
+
+        There roundoff of the residuals may keep Newton's steps above what is asked for elsewhere. Where they
+        fall no more, the point is as near to the stationary one as it can be, and the count decides, measured
+        a step on.
+        """
+        try:
+            factor = Factor(matrix, exact=True)
+            step, multipliers = newton_step(self.problem, point.local, point.multipliers, factor)
+        except FactorisationError as error:
+            return self._result(Status.UNDECIDED, point, detail=f"({error}.)"), None
+        left = change(point.x, step)
+        if left > NEAR_STEP or SETTLED < left < 0.5 * self.left:
+            return self._unsettled(point, step, multipliers)
+        count = factor.counted(self._matrix_at(point.x + step, multipliers))
+        if not count.trusted:
+            return self._result(Status.UNDECIDED, point, detail=_doubt(count)), None
+        if count.negative and len(self.saddles) < self.options.leave_saddles:
+            return None, self._left_saddle(point, factor, count.negative)
+        return self._counted(point, count.negative), None
+
+    def _counted(self, point: Iterate, negative: int) -> Result:
+        """The result with an index."""
         self.surplus_seen = max(self.surplus_seen, negative)
-        if negative and len(self.saddles) < self.options.leave_saddles:
-            # Factors anew: the proof may have left some with another regularisation.
-            factor = factor if factor.exact else Factor(matrix)
-            found = direction(self.problem, point.local, point.multipliers, factor, negative)
-            self.saddles.append(point.met(found.index))
-            return None, self._leave(point, found)
-        status = Status.SADDLE if negative else Status.MINIMUM
-        if following is not None:
-            return self._result(status, point, negative=negative), None
-        return self._unsettled(point, factor if factor.exact else Factor(matrix))
+        return self._result(Status.SADDLE if negative else Status.MINIMUM, point, negative=negative)
+
+    def _left_saddle(self, point: Iterate, factor: Factor, negative: int) -> Iterate | None:
+        """The point to go on from beside a saddle, which is kept."""
+        self.surplus_seen = max(self.surplus_seen, negative)
+        found = direction(self.problem, point.local, point.multipliers, factor, negative)
+        self.saddles.append(point.met(found.index))
+        return self._leave(point, found)
 
     def _settled(self, point: Iterate, factor: Factor) -> tuple[Array, Array] | None:
         """Where the next Newton step leads, if that is as near as a certificate asks for."""
@@ -316,14 +352,15 @@ class _Solve:
             return None
         return (point.x + step, multipliers) if change(point.x, step) <= SETTLED else None
 
-    def _unsettled(self, point: Iterate, factor: Factor) -> tuple[Result | None, Iterate | None]:
+    def _unsettled(
+        self, point: Iterate, step: Array, multipliers: Array
+    ) -> tuple[Result | None, Iterate | None]:
         """The point to go on from where the stationary point is not as near as the residuals promise.
 
         Where an eigenvalue is nearly zero, as that of sliding is on fine grids, a small residual allows of a
         long way to the stationary point, and the index here need not be the one there. So the way is gone, as
         long as each Newton step is less than half the one before, and what is there is judged anew.
         """
-        step, multipliers = newton_step(self.problem, point.local, point.multipliers, factor)
         left = change(point.x, step)
         contracts, self.left = left < 0.5 * self.left, left
         if contracts and left <= NEAR_STEP and self.steps < self.options.max_steps:
@@ -347,11 +384,10 @@ class _Solve:
         if point.worst > NEAR_SADDLE or factor.surplus == 0:
             return None
         # On fine grids looking for eigenpairs takes as long as many steps: any step that leads on is taken.
-        fine = self.problem.band.segments > FINE
-        if change(point.x, step) > (self.options.step_limit if fine else NEAR_STEP):
+        if change(point.x, step) > (self.options.step_limit if self.fine else NEAR_STEP):
             return None
         trial = iterate_at(self.problem, point.x + step, multipliers)
-        if not trial.worst < (0.5 if fine else 0.1) * point.worst:
+        if not trial.worst < (0.5 if self.fine else 0.1) * point.worst:
             return None
         return trial if self._allowed(point, trial) else None
 
