@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -78,7 +79,7 @@ def twin(state: State, phase: Phase = Phase.NODE) -> Place:
 def test_chains_count_and_solve_as_the_whole_ring_does(
     name: str, chunk: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Also with a shift, with last chains of one and two nodes, and with held rulings within and at their ends."""
+    """Also with a shift, with last chains of one and two nodes, and with held rulings anywhere."""
     matrix = disturbed(name)
     rhs = np.random.default_rng(5).standard_normal((matrix.size + matrix.border, 2))
     for shift in (0.0, -0.3, 2.0):
@@ -309,7 +310,7 @@ def test_refined_to_a_hundred_thousand_segments(half_width: float, limit: float 
         if state.band.segments == 51200:
             other = twin(state)
             assert (other.result.status, other.result.negative) == (Status.SADDLE, 1)
-    ends = [(4.0 * fine - coarse) / 3.0 for coarse, fine in zip(energies[:-1], energies[1:], strict=True)]
+    ends = [(4.0 * fine - coarse) / 3.0 for coarse, fine in pairwise(energies)]
     assert ends[-1] == pytest.approx(ends[-2], rel=1e-10)
     if limit is not None:
         assert ends[-1] == pytest.approx(limit, abs=1e-8)

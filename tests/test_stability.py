@@ -128,7 +128,11 @@ def test_what_decides() -> None:
     [
         ((mode(1e-10),), TRUSTED, "a mode has 1.0e-10, under its error bound 1.0e-09"),
         ((mode(-1e-10, "sliding"), mode(1.0)), Inertia(1, 1e-3, 1e-9), "the sliding mode has -1.0e-10"),
-        ((mode(1.0),), Inertia(0, 1e-15, 1.0), "the inertia is not trusted (measured roundoff 1.0e+00, pivot gap 1.0e-15)"),
+        (
+            (mode(1.0),),
+            Inertia(0, 1e-15, 1.0),
+            "the inertia is not trusted (measured roundoff 1.0e+00, pivot gap 1.0e-15)",
+        ),
         ((mode(-1.0), mode(1.0)), TRUSTED, "the inertia counts 0 negative, the spectrum 1"),
         ((mode(-1.0), mode(1.0)), Inertia(2, 1e-3, 1e-9), "the inertia counts 2 negative, the spectrum 1"),
     ],

@@ -18,7 +18,7 @@ ETA_W = 0.0
 """Weight of a change of eta beside one of theta in `close`: none, since eta is left alone. Near an inflection
 b |eta'| comes close to 1, and a change of the rulings would make them cross."""
 XI_ROUNDOFF = 4.0
-"""Roundoff of b eta', in units of eps (b/h) (|g_i| + |g_{i+1}|): three products, differences of two rulings."""
+"""Roundoff of b eta', in units of eps (b/h) (|g_i| + |g_{i+1}|): three products of differences."""
 
 
 class ClosureError(ValueError):

@@ -14,7 +14,7 @@ IntArray = NDArray[np.int64] | NDArray[np.int32]
 
 
 COMPACT_FROM = 1 << 20
-"""Entries from which places are kept in 4 bytes: then memory counts for more than the time of a conversion."""
+"""Entries from which places are kept in 4 bytes: then memory counts for more than a conversion's time."""
 
 
 def _order(key: IntArray, before: IntArray | None, count: int) -> IntArray:
@@ -39,19 +39,21 @@ class Scatter:
 
     shape: tuple[int, int]
     indptr: NDArray[np.int32]
-    indices: NDArray[np.int32]
+    indices: IntArray
     slot: IntArray
 
     @classmethod
     def build(cls, rows: NDArray[np.int64], columns: NDArray[np.int64], shape: tuple[int, int]) -> Scatter:
         """Build the pattern from the entries' rows and columns, both (E,)."""
-        rows, columns = rows.astype(np.int32), columns.astype(np.int32)
-        order = _order(columns, _order(rows, None, shape[0]), shape[1])
-        row, column = rows[order], columns[order]
+        below, beside = rows.astype(np.int32), columns.astype(np.int32)
+        order = _order(beside, _order(below, None, shape[0]), shape[1])
+        row, column = below[order], beside[order]
         first = np.ones(order.size, dtype=bool)
         first[1:] = (row[1:] != row[:-1]) | (column[1:] != column[:-1])
-        slot = np.empty(order.size, dtype=np.int32 if order.size > COMPACT_FROM else np.int64)
+        slot: IntArray = np.empty(order.size, dtype=np.int32)
         slot[order] = np.cumsum(first, dtype=np.int32) - 1
+        if slot.size <= COMPACT_FROM:
+            slot = slot.astype(np.int64)
         indptr = np.zeros(shape[1] + 1, dtype=np.int32)
         np.cumsum(np.bincount(column[first], minlength=shape[1]), out=indptr[1:])
         return cls(shape, indptr, row[first], slot)

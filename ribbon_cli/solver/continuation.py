@@ -25,9 +25,9 @@ TRACKING_STEPS = 60
 """Newton steps after which a step along a branch is given up and halved; good ones take 4 to 20."""
 
 LONG_WAYS_UP_TO = 3200
-"""Segments of the finest grid on which facets are split where prolongation fails, saddles are left along their
-negative direction, and a start of undecided index is followed by one in the other grid phase. Kinked starts take
-hundreds of steps, on finer grids minutes, and have not led on where prolongation did not."""
+"""Segments of the finest grid on which facets are split where prolongation fails, saddles are left along
+their negative direction, and a start of undecided index is followed by one in the other grid phase. Kinked
+starts take hundreds of steps, on finer grids minutes, and have not led on where prolongation did not."""
 
 
 @dataclass(frozen=True)

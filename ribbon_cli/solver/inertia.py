@@ -261,7 +261,7 @@ class BlockReduction:
         self._last = (parts[0][0], parts[1][0])
         # Held components stand in K as ones on the diagonal, whatever the metric: no eigenvalues of W_c.
         ones = int((matrix.metric[matrix.fixed] * shift > 1.0).sum()) if metric is None else 0
-        self.negative = ring.negative + parts[2] - matrix.duals - ones
+        self.negative: int = ring.negative + parts[2] - matrix.duals - ones
         self.gap = min(ring.gap, parts[3])
 
     def _blocks(self, first: int, last: int) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
@@ -278,7 +278,7 @@ class BlockReduction:
         return diagonal, coupling, border, held
 
     def _join_chain(self, ring: _Chain, k: int, *, keep: bool) -> None:
-        """Reduce chain k to its first node and the next chain's, and add what is left to the ring of these."""
+        """Reduce chain k to its first node and the next chain's; add what is left to their ring."""
         after = (k + 1) % len(self._bounds)
         diagonal, coupling, border, held = self._blocks(*self._bounds[k])
         ring.diagonal[k] += diagonal[0]
@@ -311,9 +311,10 @@ class BlockReduction:
         return self.measured(self.matrix)
 
     def measured(self, like: KKTMatrix) -> Inertia:
-        """The count as that of another matrix of the same pattern, near enough to this one if it is trusted."""
+        """The count as that of another matrix of the same pattern, which is near enough if it is trusted."""
         size = like.size + like.border
-        return Inertia(self.negative, self.gap, radius(lambda v: self.solve(self._product(like, v)) - v, size))
+        roundoff = radius(lambda v: self.solve(self._product(like, v)) - v, size)
+        return Inertia(self.negative, self.gap, roundoff)
 
     def _product(self, matrix: KKTMatrix, v: Array) -> Array:
         """Scaled (K - shift M) v with the K of a matrix."""

@@ -329,7 +329,8 @@ def _blocks_between(
         owner, within = np.divmod(row, each)
         line = BLOCK * owner + at + within  # the row among those of the nodes asked for
         unknown = columns < matrix.size
-        node, place = np.divmod(np.where(unknown, columns, columns - matrix.size), np.where(unknown, 7, PER_NODE))
+        number = np.where(unknown, columns, columns - matrix.size)
+        node, place = np.divmod(number, np.where(unknown, 7, PER_NODE))
         place += np.where(unknown, 0, 7)
         inside = columns < tail
         here, ahead = inside & (node == owner + first), inside & (node == (owner + first + 1) % n)

@@ -5,8 +5,8 @@ are its inertia (Sylvester). The regularisation is removed from solutions by ite
 whose residual is checked; where it does not fall, block cyclic reduction takes over, which needs no
 regularisation.
 
-On fine grids one mode, sliding, has an eigenvalue far below the regularisation, and refinement alone leaves it
-as it is. There the residual is made least over the last few corrections.
+On fine grids one mode, sliding, has an eigenvalue far below the regularisation, and refinement alone leaves
+it as it is. There the residual is made least over the last few corrections.
 """
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ class Factor:
     def _factor(self, delta: float) -> None:
         """LDL^T with one regularisation; there is none if it meets a zero pivot."""
         self._delta = delta
-        self._known: Array | None = None
+        self._known = None
         upper = self.matrix.regularised(self.shift, delta)
         try:
             if self._solver is None:
@@ -305,5 +305,6 @@ class Factor:
         """rhs - (K - shift M) z, added up in extended precision where there is such a one."""
         out = rhs - self.matrix.extended_product(solution)
         if self.shift:
-            out[: self.matrix.size] -= self._shift_diagonal.astype(np.longdouble) * solution[: self.matrix.size]
+            n, diagonal = self.matrix.size, self._shift_diagonal.astype(np.longdouble)
+            out[:n] -= diagonal * solution[:n]
         return out.astype(np.float64)

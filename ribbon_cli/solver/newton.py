@@ -278,8 +278,8 @@ class _Solve:
         return following
 
     def _halved(self, point: Iterate, plain: tuple[Array, Array]) -> Iterate | None:
-        """The next iterate of a converged point, if it has less than half the residuals: near roundoff nothing
-        else is gained, and on fine grids a search for it takes long."""
+        """The next iterate of a converged point, if it has less than half the residuals: near roundoff no
+        more is gained, and on fine grids a search for it takes long."""
         trial = iterate_at(self.problem, point.x + plain[0], plain[1])
         return trial if trial.worst < 0.5 * point.worst and self._allowed(point, trial) else None
 

@@ -298,7 +298,9 @@ class RestingMatrix(KKTMatrix):
     @property
     def corner(self) -> Array:
         """As in the base class."""
-        return self.node_blocks.corner
+        corner = self.node_blocks.corner
+        assert corner is not None
+        return corner
 
     def blocks_between(self, first: int, last: int) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
         """As in the base class, from the blocks of all nodes."""

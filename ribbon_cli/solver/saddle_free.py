@@ -272,7 +272,7 @@ def _negative_space(
     matrix, few = factor.matrix, 2 * problem.band.segments // 6
     count = factor.surplus if index is None else index
     if count and index is None and not factor.exact and problem.band.segments > DENSE_SEGMENTS:
-        # The finer the grid, the more often pivots count too many; a search in vain takes longer than a count.
+        # The finer the grid, the more often pivots count too many; a vain search takes longer than a count.
         count = count_below(matrix, 0.0)
     if count <= 0:
         return None
