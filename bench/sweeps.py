@@ -117,6 +117,7 @@ def main() -> int:
         for what, words in (
             ("`ribbon sweep`, finished", ("sweep", "many.yaml")),
             ("`ribbon ls SWEEP`", ("ls", "many")),
+            ("`ribbon table SWEEP`", ("table", "many", "-o", "many.csv")),
         ):
             seconds, busy, peak = timed(folder, *words, "--runs", "runs")
             kept &= seconds <= LIMIT and peak <= MEMORY

@@ -4,10 +4,18 @@ from __future__ import annotations
 
 import os
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
+import pytest
+
+from ribbon_cli.config import load_sweep
 from ribbon_cli.store import list_runs
+from ribbon_cli.study import solve_config
+
+Hashes = dict[str, list[tuple[str, str, str]]]
+"""Stage, kind and content hash of every state, by run."""
 
 RINGS = """\
 name: rings
@@ -42,7 +50,23 @@ vary:
 """Four quick runs, the third of which fails."""
 
 
-def hashes(root: Path) -> dict[str, list[tuple[str, str, str]]]:
+def undisturbed(folders: pytest.TempPathFactory) -> Callable[[str], Hashes]:
+    """The states of a sweep by its text, each of its points solved by itself, once."""
+    found: dict[str, Hashes] = {}
+
+    def states(text: str) -> Hashes:
+        if text not in found:
+            folder = folders.mktemp("whole")
+            (folder / "sweep.yaml").write_text(text)
+            for point in load_sweep(folder / "sweep.yaml").points:
+                solve_config(point.written("whole"), folder / "runs")
+            found[text] = hashes(folder / "runs")
+        return found[text]
+
+    return states
+
+
+def hashes(root: Path) -> Hashes:
     """Stage, kind and content hash of every state by run, in the order stored; each file is checked."""
     found = {}
     for run in list_runs(root):

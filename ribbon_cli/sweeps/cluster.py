@@ -6,7 +6,6 @@ Its dependencies are the extra `cluster`.
 from __future__ import annotations
 
 import importlib
-import os
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
@@ -17,7 +16,6 @@ from uuid import uuid4
 from ..config import load_cluster
 from ..errors import RibbonError, TargetError, UsageError
 from ..store import Result
-from ..study.process import ONE_THREAD
 from .dask_worker import end_runs, run_in_child
 from .point import Task
 from .pool import Tell, Told
@@ -72,35 +70,38 @@ class Dask:
 def dask_executor(where: str, workers: int, memory: int) -> Iterator[Dask]:
     """An executor on `local`, on the scheduler at an address, or on jobs that a settings file describes.
 
-    `workers` are started where it is `local`; `memory` is what a run needs, in bytes. Raises UsageError for
-    no scheduler, RibbonError without Dask, ConfigError for the file.
+    Where it is `local`, `workers` are threads of this process: each hands its points to a worker process of
+    its own. They hold one point at a time, so that none waits while a worker is idle. `memory` is what a run
+    needs, in bytes. Raises UsageError for no scheduler, RibbonError without Dask, ConfigError for the file.
     """
     distributed = _package("distributed")
-    with _environment():
-        if where == "local":
-            cluster = distributed.LocalCluster(
+    if where == "local":
+        with (
+            _package("dask").config.set({"distributed.scheduler.worker-saturation": 1.0}),
+            distributed.LocalCluster(
                 n_workers=workers,
                 threads_per_worker=1,
-                processes=True,
+                processes=False,
                 dashboard_address=None,
                 memory_limit=0,
                 silence_logs=_QUIET,
-            )
-            with cluster, distributed.Client(cluster) as client:
-                yield Dask(client, workers)
-        elif where.lower().endswith((".yaml", ".yml")):
-            settings = load_cluster(where)
-            with _slurm(settings, memory) as cluster, distributed.Client(cluster) as client:
-                cluster.scale(jobs=settings.jobs)
-                yield Dask(client, settings.jobs)
-        else:
-            try:
-                client = distributed.Client(where, timeout=_SECONDS)
-            except (OSError, ValueError) as error:
-                why = " ".join(str(error).split())
-                raise UsageError(f"--dask: no scheduler answers at {where}: {why}") from error
-            with client:
-                yield Dask(client, max(1, sum(client.nthreads().values())))
+            ) as cluster,
+            distributed.Client(cluster) as client,
+        ):
+            yield Dask(client, workers)
+    elif where.lower().endswith((".yaml", ".yml")):
+        settings = load_cluster(where)
+        with _slurm(settings, memory) as cluster, distributed.Client(cluster) as client:
+            cluster.scale(jobs=settings.jobs)
+            yield Dask(client, settings.jobs)
+    else:
+        try:
+            client = distributed.Client(where, timeout=_SECONDS)
+        except (OSError, ValueError) as error:
+            why = " ".join(str(error).split())
+            raise UsageError(f"--dask: no scheduler answers at {where}: {why}") from error
+        with client:
+            yield Dask(client, max(1, sum(client.nthreads().values())))
 
 
 def _slurm(settings: Any, memory: int) -> Any:
@@ -122,20 +123,6 @@ def _slurm(settings: Any, memory: int) -> Any:
         silence_logs=_QUIET,
         **{key: value for key, value in given.items() if value is not None},
     )
-
-
-@contextmanager
-def _environment() -> Iterator[None]:
-    """Put the environment back: a cluster made here leaves its numbers of threads behind."""
-    before = {name: os.environ.get(name) for name in ONE_THREAD}
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
 
 
 def _package(name: str) -> ModuleType:

@@ -13,11 +13,9 @@ from pathlib import Path
 
 import pytest
 from cli_support import environment, parse_json, run, spawn
-from sweep_support import BANDS, MIXED, commits, ended, hashes, workers_of
+from sweep_support import BANDS, MIXED, Hashes, commits, ended, hashes, undisturbed, workers_of
 
-from ribbon_cli.config import load_sweep
 from ribbon_cli.store import list_runs
-from ribbon_cli.study import solve_config
 
 pytestmark = pytest.mark.cluster
 DASK = [sys.executable, "-m", "dask"]
@@ -36,20 +34,9 @@ if __name__ == "__main__":
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], dict[str, list[tuple[str, str, str]]]]:
-    """The states of a sweep's points, each solved by itself."""
-    found: dict[str, dict[str, list[tuple[str, str, str]]]] = {}
-
-    def states(text: str) -> dict[str, list[tuple[str, str, str]]]:
-        if text not in found:
-            folder = tmp_path_factory.mktemp("whole")
-            (folder / "sweep.yaml").write_text(text)
-            for point in load_sweep(folder / "sweep.yaml").points:
-                solve_config(point.written("whole"), folder / "runs")
-            found[text] = hashes(folder / "runs")
-        return found[text]
-
-    return states
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Hashes]:
+    """The states of a sweep that nobody disturbed, by its text."""
+    return undisturbed(tmp_path_factory)
 
 
 class Cluster:
