@@ -185,7 +185,8 @@ def schoenke(half_twists: int, segments: int, half_width: float) -> str:
         (
             changed("recipe: twist, ", ""),
             "mobius.yaml:5:16: initial_guess.recipe: is missing: "
-            "give cylinder, twist, eversion, schoenke, figure-eight, strip, or start from a state: {state: ...}",
+            "give cylinder, twist, eversion, schoenke, figure-eight, strip, "
+            "or start from a state: {state: ...}",
         ),
         (
             changed("half_width: 0.1", "half_width: 7"),
