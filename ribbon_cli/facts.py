@@ -73,6 +73,8 @@ EVENTS = {
     "lift": "contact ends at {place} (bracket {bracket:.1e})",
     "contacts-change": "{before} contacts become {after} between {here} and {there} "
     "({gone} end, {new} begin)",
+    "slopes-disagree": "the energy changed by {change:.6g}, where the slopes at both ends say "
+    "{expected:.6g}: perhaps another branch",
 }
 """Kinds of events by their words, which files keep, with their sentences."""
 OTHER_MINIMA = frozenset(("another-minimum", "another-minimum-perhaps", "another-minimum-unproved"))

@@ -43,7 +43,7 @@ def contacts_figure(record: StateRecord, style: Style) -> Figure:
     """
     found = touching(record)
     flat = counted(record, found.flat, even_window(record))
-    groups = gathered(record, found.flat)
+    groups = sorted(gathered(record, found.flat), key=lambda group: float(flat[group, :, 0].min()))
     width = style.across(SHARE)
     room = 0.73 * width  # inside of what numbers and the colours' bar take
     high = room * 2.0 * record.half_width / record.length

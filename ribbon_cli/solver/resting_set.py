@@ -363,7 +363,7 @@ def way_between(before: State, after: State, gap: float = 0.0) -> Motion:
     where that has too many facets."""
     one, other = before.band.segments, after.band.segments
     both = math.lcm(one, other)
-    if both > MOST_FACETS:
+    if one != other and both > MOST_FACETS:
         raise NoRestError(f"no way from N = {one} to {other} can be looked at: double N instead")
     first, last = (Shape.of(divided(state, both // state.band.segments), gap) for state in (before, after))
     return Motion(first, last)

@@ -50,6 +50,8 @@ from .walk import Ended, Walk
 FAR = 3e-3
 """Reach, as part of l, of the barrier by which a shape that is far from rest is let down first."""
 MOST_DESCENTS = 400
+MISFIT = 0.05
+"""Error of the energy by the slopes at both ends of a step, relative to the larger, from which it is told."""
 
 
 def again(state: State, contacts: Contacts, gap: float) -> Rest:
@@ -179,7 +181,25 @@ def _ended(
 ) -> Ended:
     names = ", ".join("width" if name == "half_width" else name for name in target)
     method = f"continuation in {names}, {word}" if len(end.pairs) else f"continuation in {names}"
-    return Ended(end.problem, result, method, changes(rest, end, target), before)
+    told = (*changes(rest, end, target), *_doubts(rest, end))
+    return Ended(end.problem, result, method, told, before)
+
+
+def _doubts(rest: Rest, end: Rest) -> tuple[Event, ...]:
+    """Whether energies and their slopes say that the step may have left its branch.
+
+    Where contacts change slopes jump, and nothing proves that a branch was followed; without contact a step
+    is not taken where they disagree.
+    """
+    (here, by), (there, _) = _ahead(rest, end.band), _ahead(end, rest.band)
+    if here is None or there is None:
+        return ()
+    # The way back is counted from the end: of several parameters its rates have the other sign.
+    rise = -there.rise if len(Way.between(rest.band, end.band).rates) > 1 else there.rise
+    change, expected = end.result.energy - rest.result.energy, 0.5 * by * (here.rise + rise)
+    if abs(change - expected) <= MISFIT * abs(by) * max(abs(here.rise), abs(rise)):
+        return ()
+    return (event("slopes-disagree", change=change, expected=expected),)
 
 
 def refined(walk: Walk, start: StateRecord, segments: int, stage: str) -> Ended | Failure:
