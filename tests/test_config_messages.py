@@ -155,11 +155,11 @@ def schoenke(half_twists: int, segments: int, half_width: float) -> str:
         (changed("2*pi", "1e-10"), "mobius.yaml:3:9: length: must be at least 1e-09, got 1e-10"),
         (
             changed("segments: 50", "segments: 50.0"),
-            "mobius.yaml:5:42: initial_guess.segments: must be an integer from 8 to 100000, got 50.0",
+            "mobius.yaml:5:42: initial_guess.segments: must be an integer from 8 to 1000000, got 50.0",
         ),
         (
             changed("segments: 50", "segments: " + "9" * 5000),
-            "mobius.yaml:5:42: initial_guess.segments: must be an integer from 8 to 100000, got "
+            "mobius.yaml:5:42: initial_guess.segments: must be an integer from 8 to 1000000, got "
             + "9" * 45
             + "...",
         ),
@@ -180,7 +180,7 @@ def schoenke(half_twists: int, segments: int, half_width: float) -> str:
         ),
         (
             changed("segments: 50, ", ""),
-            "mobius.yaml:5:16: initial_guess.segments: is missing: give an integer from 8 to 100000",
+            "mobius.yaml:5:16: initial_guess.segments: is missing: give an integer from 8 to 1000000",
         ),
         (
             changed("recipe: twist, ", ""),
@@ -372,7 +372,7 @@ def test_all_problems_at_once_in_the_order_of_the_file() -> None:
         "mobius.yaml:3:1: lenght: unknown key: did you mean length?",
         "mobius.yaml:5:25: initial_guess.recipe: twist does not fit the topology: "
         "needs half_twists 1 or -1, got 0; take cylinder or eversion",
-        "mobius.yaml:5:42: initial_guess.segments: must be an integer from 8 to 100000, got 4",
+        "mobius.yaml:5:42: initial_guess.segments: must be an integer from 8 to 1000000, got 4",
         "mobius.yaml:6:18: refinement[1]: must be 100, twice the level before, got 90",
         "mobius.yaml:7:19: anchors (&a) are not accepted: remove it",
         "mobius.yaml:8:1: contact: duplicate key, first given on line 1",

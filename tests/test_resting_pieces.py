@@ -96,8 +96,12 @@ def test_shapes_nearby_that_do_not_cross_fulfil_all_clauses(name):
     judge, base = _Judge(problem, result, local.pairs), problem.base
     random = np.random.default_rng(7)
     what, verdicts = arguments(local.pairs), []
-    for _ in range(24):
-        x = result.x + 1e-5 * judge.scale * (judge.axes @ random.standard_normal(judge.axes.shape[1]))
+    keys = list(zip(local.pairs.names(), local.pairs.sign, strict=True))
+    kept = [keys.index(key) for key in zip(problem.pairs.names(), problem.pairs.sign, strict=True)]
+    opening = np.linalg.lstsq(judge.columns[:, kept].T, np.ones(len(kept)), rcond=None)[0]
+    for part in np.repeat((0.0, 1.0, 3.0), 8):
+        move = random.standard_normal(len(opening)) + part * opening / np.linalg.norm(opening)
+        x = result.x + 1e-5 * judge.scale * (judge.axes @ move)
         for _ in range(3):
             none = np.zeros(base.size)
             x = x + judge.normal.solve(np.concatenate((none, -base.weighted_constraints(x))))[: base.size]
