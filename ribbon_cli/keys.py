@@ -120,5 +120,5 @@ class Key:
     examples: tuple[Any, ...] = ()
 
 
-SEGMENTS = Integer(8, 100_000)
+SEGMENTS = Integer(8, 1_000_000)
 HALF_WIDTH = Number(unit="length")

@@ -46,8 +46,8 @@ def schoenke(half_twists: int, segments: int, half_width: float) -> str:
         (changed("0.2, 0.5,", "0.2, -0.5,"), "mobius.yaml:6:20: widths[2]: must be > 0, got -0.5"),
         (
             changed("recipe: twist", "recipe: twits"),
-            "mobius.yaml:5:25: initial_guess.recipe: must be cylinder, twist, eversion, schoenke or strip, "
-            "got twits, did you mean twist?",
+            "mobius.yaml:5:25: initial_guess.recipe: must be cylinder, twist, eversion, schoenke, "
+            "figure-eight or strip, got twits, did you mean twist?",
         ),
         (
             changed("recipe: twist", "recipe: eversion"),
@@ -68,7 +68,7 @@ def schoenke(half_twists: int, segments: int, half_width: float) -> str:
         (
             changed("half_twists: 1", "half_twists: 2"),
             "mobius.yaml:5:25: initial_guess.recipe: twist does not fit the topology: "
-            "needs half_twists 1 or -1, got 2; no recipe makes these: start from a state, {state: ...}",
+            "needs half_twists 1 or -1, got 2; take figure-eight",
         ),
         (
             changed("half_twists: 1", "half_twists: -3"),
@@ -78,8 +78,7 @@ def schoenke(half_twists: int, segments: int, half_width: float) -> str:
         (
             schoenke(2, 50, 0.1),
             "mobius.yaml:5:25: initial_guess.recipe: schoenke does not fit the topology: "
-            "needs half_twists 3 or more, or -3 or less, got 2; "
-            "no recipe makes these: start from a state, {state: ...}",
+            "needs half_twists 3 or more, or -3 or less, got 2; take figure-eight",
         ),
         (
             schoenke(7, 50, 0.1),
@@ -156,11 +155,11 @@ def schoenke(half_twists: int, segments: int, half_width: float) -> str:
         (changed("2*pi", "1e-10"), "mobius.yaml:3:9: length: must be at least 1e-09, got 1e-10"),
         (
             changed("segments: 50", "segments: 50.0"),
-            "mobius.yaml:5:42: initial_guess.segments: must be an integer from 8 to 100000, got 50.0",
+            "mobius.yaml:5:42: initial_guess.segments: must be an integer from 8 to 1000000, got 50.0",
         ),
         (
             changed("segments: 50", "segments: " + "9" * 5000),
-            "mobius.yaml:5:42: initial_guess.segments: must be an integer from 8 to 100000, got "
+            "mobius.yaml:5:42: initial_guess.segments: must be an integer from 8 to 1000000, got "
             + "9" * 45
             + "...",
         ),
@@ -181,12 +180,13 @@ def schoenke(half_twists: int, segments: int, half_width: float) -> str:
         ),
         (
             changed("segments: 50, ", ""),
-            "mobius.yaml:5:16: initial_guess.segments: is missing: give an integer from 8 to 100000",
+            "mobius.yaml:5:16: initial_guess.segments: is missing: give an integer from 8 to 1000000",
         ),
         (
             changed("recipe: twist, ", ""),
             "mobius.yaml:5:16: initial_guess.recipe: is missing: "
-            "give cylinder, twist, eversion, schoenke, strip, or start from a state: {state: ...}",
+            "give cylinder, twist, eversion, schoenke, figure-eight, strip, "
+            "or start from a state: {state: ...}",
         ),
         (
             changed("half_width: 0.1", "half_width: 7"),
@@ -372,7 +372,7 @@ def test_all_problems_at_once_in_the_order_of_the_file() -> None:
         "mobius.yaml:3:1: lenght: unknown key: did you mean length?",
         "mobius.yaml:5:25: initial_guess.recipe: twist does not fit the topology: "
         "needs half_twists 1 or -1, got 0; take cylinder or eversion",
-        "mobius.yaml:5:42: initial_guess.segments: must be an integer from 8 to 100000, got 4",
+        "mobius.yaml:5:42: initial_guess.segments: must be an integer from 8 to 1000000, got 4",
         "mobius.yaml:6:18: refinement[1]: must be 100, twice the level before, got 90",
         "mobius.yaml:7:19: anchors (&a) are not accepted: remove it",
         "mobius.yaml:8:1: contact: duplicate key, first given on line 1",

@@ -26,7 +26,7 @@ from ribbon_cli.study.clock import Clock
 from ribbon_cli.study.records import Reached, build_record
 
 VALUE_AVERAGE, THESIS = Discretisation.VALUE_AVERAGE, Discretisation.THESIS
-TRUSTED = Inertia(0, 1e-3)
+TRUSTED = Inertia(0, 1e-3, 1e-9)
 
 
 def record_of(place: Place, label: int = 1, half_twists: int = 0, kind: str = "equilibrium") -> StateRecord:
@@ -127,10 +127,14 @@ def test_what_decides() -> None:
     ("modes", "inertia", "words"),
     [
         ((mode(1e-10),), TRUSTED, "a mode has 1.0e-10, under its error bound 1.0e-09"),
-        ((mode(-1e-10, "sliding"), mode(1.0)), Inertia(1, 1e-3), "the sliding mode has -1.0e-10"),
-        ((mode(1.0),), Inertia(0, 1e-15), "the inertia is not trusted (pivot gap 1.0e-15)"),
+        ((mode(-1e-10, "sliding"), mode(1.0)), Inertia(1, 1e-3, 1e-9), "the sliding mode has -1.0e-10"),
+        (
+            (mode(1.0),),
+            Inertia(0, 1e-15, 1.0),
+            "the inertia is not trusted (measured roundoff 1.0e+00, pivot gap 1.0e-15)",
+        ),
         ((mode(-1.0), mode(1.0)), TRUSTED, "the inertia counts 0 negative, the spectrum 1"),
-        ((mode(-1.0), mode(1.0)), Inertia(2, 1e-3), "the inertia counts 2 negative, the spectrum 1"),
+        ((mode(-1.0), mode(1.0)), Inertia(2, 1e-3, 1e-9), "the inertia counts 2 negative, the spectrum 1"),
     ],
 )
 def test_what_leaves_it_undecided(modes: tuple[Mode, ...], inertia: Inertia, words: str) -> None:
@@ -140,10 +144,10 @@ def test_what_leaves_it_undecided(modes: tuple[Mode, ...], inertia: Inertia, wor
 
 
 def test_many_negative_modes_are_counted_by_inertia() -> None:
-    found = judge((mode(-2.0), mode(-1.0)), Inertia(7, 1e-3), [], False)
+    found = judge((mode(-2.0), mode(-1.0)), Inertia(7, 1e-3, 1e-9), [], False)
     assert (found.kind, found.negative) == ("unstable", 7)
     assert found.sentence.endswith("; ...")
-    assert judge((mode(-2.0), mode(-1.0)), Inertia(7, 1e-3), [], True).kind == "undecided"
+    assert judge((mode(-2.0), mode(-1.0)), Inertia(7, 1e-3, 1e-9), [], True).kind == "undecided"
 
 
 # --- modes ---

@@ -154,7 +154,7 @@ def test_newer_run_format_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr("ribbon_cli.store.folder.RUN_FORMAT_VERSION", "2.0")
     run = Run.create_or_open(tmp_path, "mobius", "0123abcd", CONFIG, RESOLVED)
     monkeypatch.undo()
-    with pytest.raises(StoreError, match=r"run of format 2\.0, this is 1\.3: update ribbon"):
+    with pytest.raises(StoreError, match=r"run of format 2\.0, this is 1\.4: update ribbon"):
         run.states()
 
 

@@ -35,7 +35,8 @@ def judge(modes: tuple[Mode, ...], counted: Inertia, doubts: list[str], complete
         f"{_called(mode)} has {mode.value:.1e}, under its error bound {mode.bound:.1e}" for mode in unsure
     ]
     if not counted.trusted:
-        doubts.append(f"the inertia is not trusted (pivot gap {counted.gap:.1e})")
+        measured = f"measured roundoff {counted.roundoff:.1e}, pivot gap {counted.gap:.1e}"
+        doubts.append(f"the inertia is not trusted ({measured})")
     elif not unsure and counted.negative != len(negative):
         more = counted.negative > len(negative) and len(negative) == len(others) and not complete
         if not more:

@@ -17,7 +17,8 @@ from .band import Array, Band, State
 ETA_W = 0.0
 """Weight of a change of eta beside one of theta in `close`: none, since eta is left alone. Near an inflection
 b |eta'| comes close to 1, and a change of the rulings would make them cross."""
-XI_LIMIT = 1.0 - 1e-9  # rulings this close to meeting have no finite xi: tanh xi = b eta' < 1
+XI_ROUNDOFF = 4.0
+"""Roundoff of b eta', in units of eps (b/h) (|g_i| + |g_{i+1}|): three products of differences."""
 
 
 class ClosureError(ValueError):
@@ -181,7 +182,10 @@ def xi_between(band: Band, u: Array, g: Array, following: Array) -> Array:
     """The xi (N,) of facets between rulings g_i and g_{i+1}, (N,3) each; raises as `xi_from_rulings`."""
     t = (band.half_width / band.h) * np.einsum("ij,ij->i", u, following - g)
     worst = int(np.argmax(np.abs(t)))
-    if abs(t[worst]) >= XI_LIMIT:
+    # Rulings that meet have no finite xi, as tanh xi = b eta'; nor have those that may meet but for roundoff.
+    sizes = np.sqrt(np.einsum("ij,ij->i", g, g)) + np.sqrt(np.einsum("ij,ij->i", following, following))
+    noise = XI_ROUNDOFF * np.finfo(float).eps * (band.half_width / band.h) * float(sizes[worst])
+    if 1.0 - abs(t[worst]) <= noise:
         raise ClosureError(
             f"rulings meet inside the strip at facet {worst + 1}: b |eta'| = {abs(t[worst]):.4g}"
         )

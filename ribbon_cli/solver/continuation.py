@@ -24,6 +24,11 @@ from .tracking import PARTS, Way, follows, slid
 TRACKING_STEPS = 60
 """Newton steps after which a step along a branch is given up and halved; good ones take 4 to 20."""
 
+LONG_WAYS_UP_TO = 3200
+"""Segments of the finest grid on which facets are split where prolongation fails, saddles are left along
+their negative direction, and a start of undecided index is followed by one in the other grid phase. Kinked
+starts take hundreds of steps, on finer grids minutes, and have not led on where prolongation did not."""
+
 
 @dataclass(frozen=True)
 class Move:
@@ -145,7 +150,8 @@ def to_segments(state: State, segments: int, options: Options, *, splitting: boo
 
     Smooth prolongation in the coarse state's grid phase comes first, then the other phase; if both meet a
     saddle it is left. Where prolongation has no start that works, and for `splitting`, facets are split as
-    in the thesis, which doubles their number.
+    in the thesis, which doubles their number. On grids of more than `LONG_WAYS_UP_TO` segments what the
+    starts led to is returned instead.
     Raises ClosureError if there is no start at all, ValueError if `splitting` is asked for anything but
     twice the segments.
     """
@@ -153,6 +159,7 @@ def to_segments(state: State, segments: int, options: Options, *, splitting: boo
     if splitting and not doubled:
         raise ValueError("splitting facets doubles the number of segments")
     trail = _Trail(options)
+    fine = segments > LONG_WAYS_UP_TO
     ends: list[tuple[Result, str]] = []
     if not splitting:
         here = phase_of(state)
@@ -161,13 +168,13 @@ def to_segments(state: State, segments: int, options: Options, *, splitting: boo
         starts = (partial(smooth, state, segments, phase) for phase in phases)
         for start in starts:
             end = _attempt(trail, start)
-            if end is not None and end[0].certified:
+            if end is not None and (end[0].certified or (fine and end[0].status is Status.UNDECIDED)):
                 return trail.move(*end)
             ends += [] if end is None else [end]
         for result, method in ends:
             if result.status is Status.SADDLE:
-                return trail.settle(result, method)
-    if doubled:
+                return trail.move(result, method) if fine else trail.settle(result, method)
+    if doubled and (splitting or not fine):
         start_split = split(state)
         return trail.move(trail.solve(start_split.state, None, leaving=True), start_split.method)
     if not ends:

@@ -27,10 +27,14 @@ from ..model.problem import (
     Problem,
     hessian_places,
 )
-from ..model.sparsity import Scatter
+from ..model.sparsity import COMPACT_FROM, IntArray, Scatter
 from ..model.stencil import Seam, indices
 
 BLOCK = 7 + PER_NODE
+FINE = 3200
+"""Segments beyond which memory counts: patterns and factors that could serve again are not all kept."""
+ROWS_AT_ONCE = 1 << 16
+"""Rows of the matrix that are in extended precision at one time."""
 
 
 class FactorisationError(ArithmeticError):
@@ -50,15 +54,20 @@ class Pattern:
     diagonal: NDArray[np.int64]
     upper_matrix: scipy.sparse.csc_matrix
     whole_matrix: scipy.sparse.csr_matrix
-    whole_source: NDArray[np.int64]
+    whole_source: IntArray
     idle: list[qdldl.Solver] = field(default_factory=list)
 
 
-@lru_cache(maxsize=64)
 def _pattern(layout: Layout, rotations: int) -> Pattern:
+    """The pattern of a layout; of fine grids the last alone is kept."""
+    return (_last_pattern if layout.segments > FINE else _kept_pattern)(layout, rotations)
+
+
+def _built_pattern(layout: Layout, rotations: int) -> Pattern:
     """Build the pattern, in the order of entries of `KKTMatrix`."""
     n, size, closing = layout.segments, 7 * layout.segments, layout.seam.closing
-    index = indices(n, layout.seam)[1]  # what is not an unknown carries zeros only
+    # What is not an unknown carries zeros only.
+    index = indices(n, layout.seam)[1].astype(np.int32)
     one, other = (index[place] for place in hessian_places(layout.couplings))
     jac_columns = size + layout.row_places()[JACOBIAN_ROWS]
     tangents = (7 * np.arange(n)[:, None] + np.arange(closing)).ravel()
@@ -71,28 +80,38 @@ def _pattern(layout: Layout, rotations: int) -> Pattern:
     rows = (np.minimum(one, other), index[JACOBIAN_COLUMNS], tangents, np.tile(moving, rotations), every)
     columns = (np.maximum(one, other), jac_columns, close_columns, gauge_columns, every)
     upper = Scatter.build(
-        np.concatenate([r.ravel() for r in rows]),
-        np.concatenate([c.ravel() for c in columns]),
+        np.concatenate([r.ravel().astype(np.int32, copy=False) for r in rows]),
+        np.concatenate([c.ravel().astype(np.int32, copy=False) for c in columns]),
         (total, total),
     )
     return pattern_of(upper)
+
+
+_kept_pattern = lru_cache(maxsize=64)(_built_pattern)
+_last_pattern = lru_cache(maxsize=1)(_built_pattern)
 
 
 def pattern_of(upper: Scatter) -> Pattern:
     """The pattern of a symmetric matrix from that of its upper triangle, whose diagonal is full."""
     # Sorted columns of an upper triangle end on the diagonal.
     diagonal = upper.indptr[1:].astype(np.int64) - 1
-    places = np.arange(1, upper.indices.size + 1)  # not zero, which a sum would leave out
+    places = np.arange(1, upper.indices.size + 1, dtype=np.int32)  # not zero, which a sum would leave out
     above = scipy.sparse.csc_matrix((places, upper.indices, upper.indptr), shape=upper.shape)
     below = above.T.copy()
     below.data[diagonal] = 0
     whole = below + above.tocsr()
     source = whole.data - 1
-    whole.data = np.zeros(source.size)
+    source = source if source.size > COMPACT_FROM else source.astype(np.int64)
+    whole.data = _no_data(source.size)
     empty = scipy.sparse.csc_matrix(
-        (np.zeros(upper.indices.size), upper.indices, upper.indptr), shape=upper.shape
+        (_no_data(upper.indices.size), upper.indices, upper.indptr), shape=upper.shape
     )
     return Pattern(upper, diagonal, empty, whole, source)
+
+
+def _no_data(size: int) -> Array:
+    """Data (size,) of a matrix to be filled, which take no memory."""
+    return np.broadcast_to(np.zeros(1), size)
 
 
 def _filled(like: scipy.sparse.spmatrix, data: Array) -> scipy.sparse.spmatrix:
@@ -102,12 +121,18 @@ def _filled(like: scipy.sparse.spmatrix, data: Array) -> scipy.sparse.spmatrix:
     return out
 
 
-@lru_cache(maxsize=16)
 def _scales(band: Band, seam: Seam, pattern: Pattern, rotations: int) -> tuple[Array, Array]:
     """The scaling of rows and columns, and its effect on the entries of the upper triangle."""
+    return (_made_scales if band.segments > FINE else _kept_scales)(band, seam, pattern, rotations)
+
+
+def _made_scales(band: Band, seam: Seam, pattern: Pattern, rotations: int) -> tuple[Array, Array]:
     scale = scaling(band, seam, rotations)
     columns = np.repeat(np.arange(scale.size), np.diff(pattern.upper.indptr))
     return scale, scale[pattern.upper.indices] * scale[columns]
+
+
+_kept_scales = lru_cache(maxsize=16)(_made_scales)
 
 
 def scaling(band: Band, seam: Seam, rotations: int) -> Array:
@@ -188,6 +213,27 @@ class KKTMatrix:
         """The matrix as a cyclic block-tridiagonal one with a border."""
         return _node_blocks(self)
 
+    @property
+    def positions(self) -> NDArray[np.int64]:
+        """The place of every row of K node by node, `NodeBlocks.position`."""
+        return _positions(self.size, self.size + self.border)
+
+    @property
+    def corner(self) -> Array:
+        """The border's own block (c,c)."""
+        width = self.size + self.border - BLOCK * (self.size // 7)
+        return np.zeros((width, width))
+
+    def blocks_between(self, first: int, last: int) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
+        """Diagonal, coupling, border and held of nodes `first` to `last` - 1, for the caller to change.
+
+        Those of a part of the band are made from its rows alone, and not kept.
+        """
+        if (first, last) != (0, self.size // 7):
+            return _blocks_between(self, first, last)
+        blocks = self.node_blocks
+        return blocks.diagonal.copy(), blocks.coupling.copy(), blocks.border.copy(), blocks.held.copy()
+
     def with_unit_metric(self) -> KKTMatrix:
         """The same matrix with the identity on the scaled unknowns for the Hessian."""
         return self._with_diagonal(np.ones(self.size))
@@ -215,6 +261,15 @@ class KKTMatrix:
     def product(self, v: Array) -> Array:
         """Scaled K v, for v (n+m+r,) or (n+m+r, k)."""
         out: Array = self.whole @ v
+        return out
+
+    def extended_product(self, v: Array) -> NDArray[np.longdouble]:
+        """Scaled K v, for v (n+m+r,), in extended precision, a few rows after the other."""
+        extended = v.astype(np.longdouble)
+        out = np.empty(v.size, dtype=np.longdouble)
+        for first in range(0, v.size, ROWS_AT_ONCE):
+            some = slice(first, first + ROWS_AT_ONCE)
+            out[some] = self.whole[some].astype(np.longdouble) @ extended
         return out
 
     def regularised(self, shift: float, delta: float) -> scipy.sparse.csc_matrix:
@@ -255,6 +310,40 @@ def _block_places(pattern: Pattern, size: int) -> tuple[NDArray[np.int64], ...]:
     ahead = np.flatnonzero(inside & (other == (owner + 1) % n))
     edge = np.flatnonzero((rows < tail) & (columns >= tail))
     return here, within[here], ahead, within[ahead], edge, rows[edge] * width + columns[edge] - tail
+
+
+def _blocks_between(
+    matrix: KKTMatrix, first: int, last: int
+) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
+    """The blocks of `NodeBlocks` for nodes `first` to `last` - 1, of a band with more than two."""
+    whole, n, m = matrix.whole, matrix.size // 7, last - first
+    tail = BLOCK * n
+    width = matrix.size + matrix.border - tail
+    diagonal, coupling = np.zeros(m * BLOCK * BLOCK), np.zeros(m * BLOCK * BLOCK)
+    border = np.zeros(m * BLOCK * width)
+    for start, each, at in ((0, 7, 0), (matrix.size, PER_NODE, 7)):
+        pointer = whole.indptr[start + each * first : start + each * last + 1]
+        part = slice(pointer[0], pointer[-1])
+        columns, data = whole.indices[part], whole.data[part]
+        row = np.repeat(np.arange(each * m), np.diff(pointer))
+        owner, within = np.divmod(row, each)
+        line = BLOCK * owner + at + within  # the row among those of the nodes asked for
+        unknown = columns < matrix.size
+        number = np.where(unknown, columns, columns - matrix.size)
+        node, place = np.divmod(number, np.where(unknown, 7, PER_NODE))
+        place += np.where(unknown, 0, 7)
+        inside = columns < tail
+        here, ahead = inside & (node == owner + first), inside & (node == (owner + first + 1) % n)
+        diagonal[BLOCK * line[here] + place[here]] = data[here]
+        coupling[BLOCK * line[ahead] + place[ahead]] = data[ahead]
+        edge = ~inside
+        border[width * line[edge] + columns[edge] - tail] = data[edge]
+    return (
+        diagonal.reshape(m, BLOCK, BLOCK),
+        coupling.reshape(m, BLOCK, BLOCK),
+        border.reshape(m, BLOCK, width),
+        np.any(matrix.fixed.reshape(n, 7)[first:last], axis=1),
+    )
 
 
 def _node_blocks(matrix: KKTMatrix) -> NodeBlocks:

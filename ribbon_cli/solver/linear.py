@@ -4,6 +4,9 @@ qdldl factors the quasi-definite matrix K - delta on the multiplier block as L D
 are its inertia (Sylvester). The regularisation is removed from solutions by iterative refinement,
 whose residual is checked; where it does not fall, block cyclic reduction takes over, which needs no
 regularisation.
+
+On fine grids one mode, sliding, has an eigenvalue far below the regularisation, and refinement alone leaves
+it as it is. There the residual is made least over the last few corrections.
 """
 
 from __future__ import annotations
@@ -14,8 +17,8 @@ import numpy as np
 import qdldl
 
 from ..model.band import Array
-from .inertia import BlockReduction
-from .kkt import FactorisationError, KKTMatrix
+from .inertia import CONTRACTION, BlockReduction, Inertia, radius
+from .kkt import FINE, FactorisationError, KKTMatrix
 
 DELTA = 1e-8
 DELTA_GRID = 400
@@ -31,10 +34,16 @@ BACKWARD_RESIDUAL = 1e-8
 BACKWARD_LIMIT = 1e-10
 BACKWARD_GOAL = 1e-12
 BLOCK_REFINEMENTS = 2
+DIRECTIONS = 3
+ACCELERATED = 8
+"""Corrections over which a residual is made least on grids of more than `DELTA_GRID` segments, and how many
+are tried."""
+EXTENDED_REFINEMENTS = 4
+FORWARD_LIMIT = 1e-6
+"""Refinements with residuals in extended precision where the backward error is above its limit, and the last
+correction, as part of the solution, up to which that is trusted: what is left is smaller still."""
 PROOFS = 4
-PROBES = 6
-CONTRACTION = 0.5
-"""Regularisations tried for a proof, power iterations each, and how fast these must fall."""
+"""Regularisations tried for a proof."""
 
 
 class Factor:
@@ -43,21 +52,39 @@ class Factor:
     `surplus` is the number of negative pivots beyond one for each constraint and gauge row: a quick
     estimate of the number of eigenvalues of the projected Hessian below `shift`. The certificate's count
     is `inertia.inertia`.
-    Raises FactorisationError if the matrix is not finite.
+    With `exact` nothing is regularised: the block reduction solves and counts from the beginning.
+    `regularisation` stands for the usual one. Raises FactorisationError if the matrix is not finite.
     """
 
-    def __init__(self, matrix: KKTMatrix, *, shift: float = 0.0) -> None:
+    def __init__(
+        self,
+        matrix: KKTMatrix,
+        *,
+        shift: float = 0.0,
+        exact: bool = False,
+        regularisation: float | None = None,
+    ) -> None:
         self.matrix = matrix
         self.shift = shift
         if not np.isfinite(matrix.upper.data).all():
             raise FactorisationError("the KKT matrix is not finite")
         self._shift_diagonal = shift * matrix.metric
-        self._base = DELTA * max(1.0, matrix.size / (7 * DELTA_GRID))
+        self._fine = matrix.size > 7 * DELTA_GRID
+        self._base = regularisation or DELTA * max(1.0, matrix.size / (7 * DELTA_GRID))
         self._blocks: BlockReduction | None = None
+        self._known: Array | None = None
+        self._solver: qdldl.Solver | None = None
+        self._found = False
+        self._large = matrix.size > 7 * FINE
+        self.exact = exact
+        if exact:
+            self._reduced()
+            return
         idle = matrix.pattern.idle
-        self._solver: qdldl.Solver | None = idle.pop() if idle else None
+        self._solver = idle.pop() if idle else None
         self._factor(self._base)
-        self._untried = [self._base * f for f in DELTA_FACTORS[1:]]
+        # On the finest grids another one takes as long as the block reduction, which is sure.
+        self._untried = [] if self._large else [self._base * f for f in DELTA_FACTORS[1:]]
         if self._solver is not None:
             # Its symbolic part, four fifths of the work, serves the next matrix of this pattern.
             weakref.finalize(self, idle.append, self._solver).atexit = False
@@ -65,7 +92,7 @@ class Factor:
     def _factor(self, delta: float) -> None:
         """LDL^T with one regularisation; there is none if it meets a zero pivot."""
         self._delta = delta
-        self._known: Array | None = None
+        self._known = None
         upper = self.matrix.regularised(self.shift, delta)
         try:
             if self._solver is None:
@@ -85,31 +112,41 @@ class Factor:
             self._found = bool(self._known.all())
         return self._known if self._found else None
 
+    def be_exact(self) -> None:
+        """From here on, solve and count by the block reduction."""
+        self.exact = True
+        self._reduced()
+
+    def counted(self, like: KKTMatrix | None = None) -> Inertia:
+        """The count by block reduction, its roundoff measured against `like` as in `proves_at_most`."""
+        return self._reduced().measured(like or self.matrix)
+
     @property
     def surplus(self) -> int:
         """Negative pivots beyond those of the multiplier block."""
-        pivots = self._pivots
+        pivots = None if self.exact else self._pivots
         if pivots is None:
-            return self._reduced().inertia.negative
+            return self._reduced().negative
         return int((pivots < 0).sum()) - int(self.matrix.duals)
 
-    def proves_minimum(self) -> bool:
+    def proves_minimum(self, like: KKTMatrix | None = None) -> bool:
         """Whether the pivots prove that the projected Hessian has no eigenvalue below `shift`."""
-        return self.proves_at_most(0)
+        return self.proves_at_most(0, like)
 
-    def proves_at_most(self, count: int) -> bool:
+    def proves_at_most(self, count: int, like: KKTMatrix | None = None) -> bool:
         """Whether the pivots prove that the projected Hessian has at most `count` eigenvalues below `shift`.
 
         With delta > 0 on the multipliers the surplus of negative eigenvalues is that of W + A^T A / delta,
         at least that of W_c, which is its restriction to A v = 0: no more there, no more here. That roundoff
         E did not change the pivots' signs follows from rho((L D L^T)^-1 E) < 1, as no eigenvalue then passes
-        zero on the way from L D L^T to K - delta. Power iterations show how small rho is.
+        zero on the way from L D L^T to K - delta. Power iterations show how small rho is. With `like`, a
+        matrix of the same pattern at a place that counts as the same one, E is taken to that one.
         """
         low, high = 0.0, np.inf
         for _ in range(PROOFS):
             if self._pivots is None:
                 return False
-            sharp, few = self._contraction() < CONTRACTION, self.surplus <= count
+            sharp, few = self._contraction(like or self.matrix) < CONTRACTION, self.surplus <= count
             if sharp and few:
                 return True
             # More regularisation has less roundoff, less of it fewer negative eigenvalues.
@@ -124,20 +161,18 @@ class Factor:
             )
         return False
 
-    def _contraction(self) -> float:
-        """Spectral radius of (L D L^T)^-1 E, E what L D L^T lacks of the matrix, by power iterations."""
-        size = self.matrix.size
-        v = np.cos(1.0 + np.arange(size + self.matrix.border, dtype=np.float64) ** 1.5)
-        rate, length = np.inf, float(np.linalg.norm(v))
-        for _ in range(PROBES):
-            image = self._product(v)
-            image[size:] -= self._delta * v[size:]
-            v = self._inverse(image) - v
-            before, length = length, float(np.linalg.norm(v))
-            rate = length / before
-            if length == 0.0:
-                break
-        return rate
+    def _contraction(self, like: KKTMatrix) -> float:
+        """Spectral radius of (L D L^T)^-1 E, E what L D L^T lacks of a matrix, by power iterations."""
+        size = like.size
+
+        def image(v: Array) -> Array:
+            out = like.product(v)
+            if self.shift:
+                out[:size] -= self._shift_diagonal * v[:size]
+            out[size:] -= self._delta * v[size:]
+            return self._inverse(out) - v
+
+        return radius(image, size + like.border)
 
     def _inverse(self, v: Array) -> Array:
         """Apply (L D L^T)^-1."""
@@ -170,9 +205,11 @@ class Factor:
     def solve_roughly(self, rhs: Array) -> Array:
         """Solve for rhs (n+m+r,) with regularised factors as they are, unrefined; in full where a pivot is
         zero."""
+        scale = self.matrix.scale
+        if self.exact:
+            return scale * self._reduced().solve(scale * rhs)
         if not self._found:
             return self.solve_backward(rhs)
-        scale = self.matrix.scale
         return scale * self._inverse(scale * rhs)
 
     def _solve_scaled(self, rhs: Array, backward: bool, limit: float) -> Array:
@@ -181,6 +218,8 @@ class Factor:
             return np.zeros_like(rhs)
         while self._blocks is None:
             solution, error = self._refined(rhs, size, backward, 1e-3 * limit)
+            if not error <= limit and self._fine and self._found:
+                solution, error = self._accelerated(rhs, solution, size, 0.1 * limit)
             if error <= limit:
                 return solution
             if backward and error * size <= BACKWARD_GOAL * float(np.abs(solution).max()):
@@ -209,6 +248,33 @@ class Factor:
             solution = solution + self._inverse(residual)
         return best, best_error
 
+    def _accelerated(self, rhs: Array, solution: Array, size: float, goal: float) -> tuple[Array, float]:
+        """A refined solution with its residual made least over the last few corrections, again and again:
+        ORTHOMIN, Saad (2003), Iterative Methods for Sparse Linear Systems, 6.9."""
+        residual = rhs - self._product(solution)
+        best, best_error = solution, float(np.abs(residual).max()) / size
+        moves: list[Array] = []
+        images: list[Array] = []
+        for _ in range(ACCELERATED):
+            move = self._inverse(residual)
+            image = self._product(move)
+            for known, seen in zip(moves, images, strict=True):
+                along = float(seen @ image)
+                move, image = move - along * known, image - along * seen
+            length = float(np.linalg.norm(image))
+            if not (np.isfinite(length) and length > 0.0):
+                break
+            move, image = move / length, image / length
+            solution = solution + float(image @ residual) * move
+            residual = rhs - self._product(solution)
+            error = float(np.abs(residual).max()) / size
+            if error < best_error:
+                best, best_error = solution, error
+            if best_error <= goal:
+                break
+            moves, images = [*moves, move][-DIRECTIONS:], [*images, image][-DIRECTIONS:]
+        return best, best_error
+
     def _reduced(self) -> BlockReduction:
         if self._blocks is None:
             self._blocks = BlockReduction(self.matrix, self.shift)
@@ -216,11 +282,29 @@ class Factor:
 
     def _solve_by_blocks(self, rhs: Array, size: float) -> Array:
         blocks = self._reduced()
-        solution = blocks.solve(rhs)
-        for _ in range(BLOCK_REFINEMENTS):
-            solution = solution + blocks.solve(rhs - self._product(solution))
-        reach = size + float(np.abs(solution).max())  # entries of the scaled matrix are of order one
-        error = float(np.abs(rhs - self._product(solution)).max()) / reach
-        if not error <= BACKWARD_LIMIT:
-            raise FactorisationError(f"no accurate solution of the KKT system: residual {error:.1e}")
-        return solution
+        solution, error = blocks.solve(rhs), np.inf
+        if not self._large:
+            for _ in range(BLOCK_REFINEMENTS):
+                solution = solution + blocks.solve(rhs - self._product(solution))
+            reach = size + float(np.abs(solution).max())  # entries of the scaled matrix are of order one
+            error = float(np.abs(rhs - self._product(solution)).max()) / reach
+            if error <= BACKWARD_LIMIT:
+                return solution
+        last = np.inf
+        for _ in range(EXTENDED_REFINEMENTS):
+            correction = blocks.solve(self._extended_residual(rhs, solution))
+            before, last = last, float(np.abs(correction).max() / np.abs(solution).max())
+            if not last < 0.5 * before:
+                break
+            solution = solution + correction
+            if last <= FORWARD_LIMIT:
+                return solution
+        raise FactorisationError(f"no accurate solution of the KKT system: corrections of {last:.1e}")
+
+    def _extended_residual(self, rhs: Array, solution: Array) -> Array:
+        """rhs - (K - shift M) z, added up in extended precision where there is such a one."""
+        out = rhs - self.matrix.extended_product(solution)
+        if self.shift:
+            n, diagonal = self.matrix.size, self._shift_diagonal.astype(np.longdouble)
+            out[:n] -= diagonal * solution[:n]
+        return out.astype(np.float64)

@@ -14,8 +14,8 @@ import numpy as np
 
 from ..model.band import Array, State
 from ..model.problem import LocalDerivatives, Problem
-from .inertia import inertia
-from .kkt import FactorisationError, KKTMatrix
+from .inertia import Inertia
+from .kkt import FINE, FactorisationError, KKTMatrix
 from .linear import RESIDUAL_LIMIT, Factor
 from .resting_kkt import kkt_matrix
 from .saddle_free import Direction, direction, newton_step
@@ -60,6 +60,8 @@ ARMIJO = 1e-4  # sufficient decrease, Nocedal & Wright (2006), (3.4)
 MOST_CORRECTIONS = 4
 SETTLED = 1e-5
 """Change of the next Newton step up to which a converged point is certified; Table 3.1 has at most 2e-8."""
+NORMAL_DELTA = 1e-9
+"""Regularisation of normal equations on fine grids, which have no small eigenvalues but those of A A^T."""
 NEAR_STEP = 0.05
 """Change of the next Newton step up to which a saddle is stepped onto and left on purpose."""
 
@@ -80,11 +82,18 @@ def estimate_multipliers(problem: Problem, x: Array) -> Array:
     Raises FactorisationError if the constraints are linearly dependent at x.
     """
     local = problem.local_derivatives(x, None)
-    return _estimate(problem, local, _normal_factor(problem, local))
+    return _estimate(problem, local, _normal_factor(problem, x, local))
 
 
-def _normal_factor(problem: Problem, local: LocalDerivatives) -> Factor:
-    """Factors of (I, A^T; A, 0) in the scaled metric: identity on scaled unknowns, diag(1/s^2) on x."""
+def _normal_factor(problem: Problem, x: Array, local: LocalDerivatives) -> Factor:
+    """Factors of (I, A^T; A, 0) in the scaled metric: identity on scaled unknowns, diag(1/s^2) on x.
+
+    On fine grids rotations are held as well, which changes no solution, as no constraint knows of them: the
+    matrix then has the pattern of Newton's, and shares its symbolic factorisation.
+    """
+    if problem.band.segments > FINE:
+        matrix = kkt_matrix(problem, local, problem.rotations(x)).with_unit_metric()
+        return Factor(matrix, regularisation=NORMAL_DELTA)
     return Factor(kkt_matrix(problem, local, np.zeros((problem.size, 0))).with_unit_metric())
 
 
@@ -103,6 +112,11 @@ def inverted_facets(problem: Problem, x: Array) -> Array:
     uu, gg = np.einsum("ij,ij->i", u, u), np.einsum("ij,ij->i", g, following)
     out: Array = uu * gg - np.einsum("ij,ij->i", u, g) * np.einsum("ij,ij->i", u, following)
     return out
+
+
+def _doubt(count: Inertia) -> str:
+    """Why a count is not trusted."""
+    return f"(Roundoff may change the count: measured {count.roundoff:.1e}, pivot gap {count.gap:.1e}.)"
 
 
 def change(x: Array, step: Array) -> float:
@@ -138,6 +152,19 @@ class _Search:
         """Keep the normal factors of the point x."""
         self._normal = (x, normal)
 
+    def leave(self, x: Array) -> None:
+        """Let the normal factors of other points than x go where they take much memory."""
+        if self.problem.band.segments > FINE and self._normal is not None and self._normal[0] is not x:
+            self._normal = None
+
+    def _normal_at(self, point: Iterate) -> Factor:
+        """The normal factors of a point."""
+        if self._normal is not None and self._normal[0] is point.x:
+            return self._normal[1]
+        normal = _normal_factor(self.problem, point.x, point.local)
+        self.keep(point.x, normal)
+        return normal
+
     def correct(self, point: Iterate, x: Array) -> Array:
         """Second-order correction: the least move that removes the constraint values at x, near a point.
 
@@ -145,12 +172,10 @@ class _Search:
         turn it into a long tangential step.
         """
         problem = self.problem
-        if self._normal is None or self._normal[0] is not point.x:
-            self.keep(point.x, _normal_factor(problem, point.local))
-        assert self._normal is not None
-        tail = np.zeros(self._normal[1].matrix.tail)
+        normal = self._normal_at(point)
+        tail = np.zeros(normal.matrix.tail)
         rhs = np.concatenate((np.zeros(problem.size), -problem.weighted_constraints(x), tail))
-        return self._normal[1].solve(rhs)[: problem.size]
+        return normal.solve(rhs)[: problem.size]
 
 
 def solve(
@@ -172,6 +197,7 @@ class _Solve:
         self.problem = problem
         self.options = options
         self.guard_from = guard_from
+        self.fine = problem.band.segments > FINE
         self.search = _Search(problem)
         self.steps = 0
         self.saddles: list[SaddleMet] = []
@@ -194,12 +220,17 @@ class _Solve:
             return self._result(Status.INVERTED_FACET, self.last, detail="It was so at the start.")
         try:
             if multipliers is None:
-                normal = _normal_factor(self.problem, self.last.local)
-                self.search.keep(x, normal)
-                self.last = iterate_at(self.problem, x, _estimate(self.problem, self.last.local, normal))
+                self.last = iterate_at(self.problem, x, self._estimated(x, self.last.local))
             return self._iterate(self.last)
         except FactorisationError as error:
             return self._result(Status.STALLED, self.last, detail=f"({error}.)")
+
+    def _estimated(self, x: Array, local: LocalDerivatives) -> Array:
+        """Multipliers (5N+3,) at the start x, whose normal factors are kept."""
+        normal = _normal_factor(self.problem, x, local)
+        if not self.fine:
+            self.search.keep(x, normal)
+        return _estimate(self.problem, local, normal)
 
     def _iterate(self, point: Iterate) -> Result:
         options = self.options
@@ -209,7 +240,9 @@ class _Solve:
             if options.watch is not None:
                 options.watch(self.steps, point.energy, point.worst)
             following: Iterate | None = None
-            if point.worst > options.goal and self.steps < options.max_steps:
+            # On fine grids the goal may be out of reach, and the last steps are those of the judgement.
+            going = point.worst > options.goal and not (self.fine and self.left < np.inf)
+            if going and self.steps < options.max_steps:
                 following = self._step(point, matrix)
                 if following is not None and following.worst > 0.5 * point.worst <= 0.5 * options.tolerance:
                     following = None  # converged, and as far as roundoff lets it
@@ -223,6 +256,7 @@ class _Solve:
             if following is None:
                 return self._stopped(point)
             point = following
+            del matrix  # before the next one is made
 
     def _step(self, point: Iterate, matrix: KKTMatrix) -> Iterate | None:
         """One accepted step towards a stationary point, or None."""
@@ -230,8 +264,12 @@ class _Solve:
         # An inexact Newton step, as accurate as quadratic convergence or the goal needs it.
         limit = max(RESIDUAL_LIMIT, 1e-3 * min(point.worst, 1.0), 0.1 * self.options.goal / point.worst)
         plain = newton_step(self.problem, point.local, point.multipliers, factor, limit)
+        if self.fine and point.worst <= self.options.tolerance:
+            return self._halved(point, plain)
         following = self._meet_saddle(point, factor, plain)
         if following is None:
+            if self.fine and factor.surplus:
+                factor.be_exact()  # regularised pivots count too many here, and do not know sliding
             found = direction(
                 self.problem, point.local, point.multipliers, factor, plain=plain, lowest=self.lowest
             )
@@ -240,40 +278,91 @@ class _Solve:
             following = self._advance(point, found)
         return following
 
+    def _halved(self, point: Iterate, plain: tuple[Array, Array]) -> Iterate | None:
+        """The next iterate of a converged point, if it has less than half the residuals: near roundoff no
+        more is gained, and on fine grids a search for it takes long."""
+        trial = iterate_at(self.problem, point.x + plain[0], plain[1])
+        return trial if trial.worst < 0.5 * point.worst and self._allowed(point, trial) else None
+
     def _judge(self, point: Iterate, matrix: KKTMatrix) -> tuple[Result | None, Iterate | None]:
         """What a stationary point is: a result, or the point to go on from if it is a saddle to leave."""
         complaint = self._complaint(point)
         if complaint:
             return self._result(Status.LEFT_TOPOLOGY, point, detail=complaint), None
+        if self.fine:
+            return self._judge_fine(point, matrix)
         factor = Factor(matrix)
-        if factor.proves_minimum():
-            return self._certify(Status.MINIMUM, point, factor, 0)
-        count = inertia(matrix)
-        if not count.trusted:
-            return self._result(Status.UNDECIDED, point, detail=f"(Pivot gap {count.gap:.1e}.)"), None
+        following = self._settled(point, factor)
+        # What a settled point counts is to be true where Newton's next step leads as well, and with the
+        # roundoff of the derivatives there.
+        like = matrix if following is None else self._matrix_at(*following)
+        negative = 0
+        if not factor.proves_minimum(like):
+            count = factor.counted(like)
+            if not count.trusted:
+                return self._result(Status.UNDECIDED, point, detail=_doubt(count)), None
+            negative = count.negative
+        leaves = negative > 0 and len(self.saddles) < self.options.leave_saddles
+        if following is not None and not leaves:
+            return self._counted(point, negative), None
         factor = Factor(matrix)  # anew: the proof may have left one with another regularisation
-        if count.negative == 0:
-            return self._certify(Status.MINIMUM, point, factor, 0)
-        self.surplus_seen = max(self.surplus_seen, count.negative)
-        if len(self.saddles) >= self.options.leave_saddles:
-            return self._certify(Status.SADDLE, point, factor, count.negative)
-        found = direction(self.problem, point.local, point.multipliers, factor, count.negative)
-        self.saddles.append(point.met(found.index))
-        return None, self._leave(point, found)
+        if leaves:
+            return None, self._left_saddle(point, factor, negative)
+        step = newton_step(self.problem, point.local, point.multipliers, factor)
+        return self._unsettled(point, *step)
 
-    def _certify(
-        self, status: Status, point: Iterate, factor: Factor, negative: int
+    def _judge_fine(self, point: Iterate, matrix: KKTMatrix) -> tuple[Result | None, Iterate | None]:
+        """The same on fine grids, by the block reduction alone.
+
+        There roundoff of the residuals may keep Newton's steps above what is asked for elsewhere. Where they
+        fall no more, the point is as near to the stationary one as it can be, and the count decides, measured
+        a step on.
+        """
+        try:
+            factor = Factor(matrix, exact=True)
+            step, multipliers = newton_step(self.problem, point.local, point.multipliers, factor)
+        except FactorisationError as error:
+            return self._result(Status.UNDECIDED, point, detail=f"({error}.)"), None
+        left = change(point.x, step)
+        if left > NEAR_STEP or SETTLED < left < 0.5 * self.left:
+            return self._unsettled(point, step, multipliers)
+        count = factor.counted(self._matrix_at(point.x + step, multipliers))
+        if not count.trusted:
+            return self._result(Status.UNDECIDED, point, detail=_doubt(count)), None
+        if count.negative and len(self.saddles) < self.options.leave_saddles:
+            return None, self._left_saddle(point, factor, count.negative)
+        return self._counted(point, count.negative), None
+
+    def _counted(self, point: Iterate, negative: int) -> Result:
+        """The result with an index."""
+        self.surplus_seen = max(self.surplus_seen, negative)
+        return self._result(Status.SADDLE if negative else Status.MINIMUM, point, negative=negative)
+
+    def _left_saddle(self, point: Iterate, factor: Factor, negative: int) -> Iterate | None:
+        """The point to go on from beside a saddle, which is kept."""
+        self.surplus_seen = max(self.surplus_seen, negative)
+        found = direction(self.problem, point.local, point.multipliers, factor, negative)
+        self.saddles.append(point.met(found.index))
+        return self._leave(point, found)
+
+    def _settled(self, point: Iterate, factor: Factor) -> tuple[Array, Array] | None:
+        """Where the next Newton step leads, if that is as near as a certificate asks for."""
+        try:
+            step, multipliers = newton_step(self.problem, point.local, point.multipliers, factor)
+        except FactorisationError:
+            return None
+        return (point.x + step, multipliers) if change(point.x, step) <= SETTLED else None
+
+    def _unsettled(
+        self, point: Iterate, step: Array, multipliers: Array
     ) -> tuple[Result | None, Iterate | None]:
-        """The result with an index, if a stationary point is as near as the residuals promise.
+        """The point to go on from where the stationary point is not as near as the residuals promise.
 
         Where an eigenvalue is nearly zero, as that of sliding is on fine grids, a small residual allows of a
         long way to the stationary point, and the index here need not be the one there. So the way is gone, as
         long as each Newton step is less than half the one before, and what is there is judged anew.
         """
-        step, multipliers = newton_step(self.problem, point.local, point.multipliers, factor)
         left = change(point.x, step)
-        if left <= SETTLED:
-            return self._result(status, point, negative=negative), None
         contracts, self.left = left < 0.5 * self.left, left
         if contracts and left <= NEAR_STEP and self.steps < self.options.max_steps:
             following = iterate_at(self.problem, point.x + step, multipliers)
@@ -281,6 +370,11 @@ class _Solve:
                 return None, following
         detail = f"(The next Newton step would be a change of {left:.1e}.)"
         return self._result(Status.UNDECIDED, point, detail=detail), None
+
+    def _matrix_at(self, x: Array, multipliers: Array) -> KKTMatrix:
+        """The KKT matrix at a place."""
+        local = self.problem.local_derivatives(x, multipliers)
+        return kkt_matrix(self.problem, local, self.problem.rotations(x))
 
     def _meet_saddle(self, point: Iterate, factor: Factor, plain: tuple[Array, Array]) -> Iterate | None:
         """Close to a saddle, take the plain Newton step onto it, so that it is known and left on purpose.
@@ -290,16 +384,18 @@ class _Solve:
         step, multipliers = plain
         if point.worst > self.options.near_saddle or factor.surplus == 0:
             return None
-        if change(point.x, step) > NEAR_STEP:
+        # On fine grids looking for eigenpairs takes as long as many steps: any step that leads on is taken.
+        if change(point.x, step) > (self.options.step_limit if self.fine else NEAR_STEP):
             return None
         trial = iterate_at(self.problem, point.x + step, multipliers)
-        if not trial.worst < 0.1 * point.worst:
+        if not trial.worst < (0.5 if self.fine else 0.1) * point.worst:
             return None
         return trial if self._allowed(point, trial) else None
 
     def _advance(self, point: Iterate, found: Direction) -> Iterate | None:
         """One accepted step, or None."""
         self.trouble = (Status.STALLED, "")
+        self.search.leave(point.x)
         self.search.raise_penalty(found.multipliers)
         size = change(point.x, found.step)
         if not np.isfinite(size):

@@ -133,9 +133,8 @@ class Pencil:
 
     def _count_once(self, shift: float) -> int:
         """A count whose factorisation is not kept."""
-        count = self.count_below(shift).negative
-        self._shifted.pop(shift)
-        return count
+        known = self._shifted.get(shift)
+        return (known or BlockReduction(self.matrix, shift, self._nodes, keep=False)).negative
 
     def _crowded(self, size: float, wanted: int) -> bool:
         """Whether many more eigenvalues than wanted lie below `size`."""

@@ -177,10 +177,12 @@ def off_features(shape: Shape, pairs: Pairs) -> Array:
 def pushing(m: Array, away: Array) -> Array:
     """Forces f >= 0 (k,) with m f + away >= 0 where f = 0 and = 0 where f > 0, m (k,k) symmetric, which
     may be singular: of gaps that depend on each other some that suffice get all the force. Raises
-    NoRestError."""
+    NoRestError where no gap gives way to a force, as may be far from any minimum."""
     if not (np.isfinite(m).all() and np.isfinite(away).all()):
         raise NoRestError("gaps have no derivatives, as where edges that touch are parallel")
     values, axes = np.linalg.eigh(0.5 * (m + m.T))
+    if values[-1] <= 0.0:
+        raise NoRestError("no gap gives way to a force there")
     least = DEPENDENT * float(values[-1])
     root = np.sqrt(np.maximum(values, 0.0) + least)
     shared = scipy.optimize.nnls(root[:, None] * axes.T, -(axes.T @ away) / root)[0]

@@ -298,6 +298,28 @@ class RestingMatrix(KKTMatrix):
         border = np.concatenate((inner.border, beyond.reshape(n, BLOCK, -1)), axis=2)
         return NodeBlocks(position, inner.diagonal, inner.coupling, border, inner.held, corner)
 
+    @property
+    def positions(self) -> IntArray:
+        """As in the base class."""
+        return self.node_blocks.position
+
+    @property
+    def corner(self) -> Array:
+        """As in the base class."""
+        corner = self.node_blocks.corner
+        assert corner is not None
+        return corner
+
+    def blocks_between(self, first: int, last: int) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
+        """As in the base class, from the blocks of all nodes."""
+        blocks, part = self.node_blocks, slice(first, last)
+        return (
+            blocks.diagonal[part].copy(),
+            blocks.coupling[part].copy(),
+            blocks.border[part].copy(),
+            blocks.held[part].copy(),
+        )
+
 
 def kkt_matrix(problem: Problem, local: LocalDerivatives, rotations: Array) -> KKTMatrix:
     """The KKT matrix of a problem, with gaps and copies where its derivatives have some."""

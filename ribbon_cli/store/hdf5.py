@@ -36,9 +36,9 @@ if TYPE_CHECKING:
 COMPRESS_ABOVE = 64
 """Arrays of more elements are compressed; below, the filter costs more than it saves."""
 GZIP_LEVEL = 4
-MAX_BYTES = 2**28
-"""Largest state file, and largest sum of its datasets once unpacked, that is read: N = 100 000 with its
-modes fits."""
+MAX_BYTES = 2**31
+"""Largest state file, and largest sum of its datasets once unpacked, that is read: N = 1 000 000 with 12
+modes in two metrics fits."""
 PACK = "ribbon-pack"
 """The format that packed runs name."""
 MAX_OBJECTS = 1000

@@ -12,8 +12,8 @@ from ..solver.status import Status
 from ..store import Summary
 from .branch_tables import course_point
 from .failure import Failure
-from .outcome import Course
-from .plan import MOST_HALVINGS
+from .outcome import Course, Target
+from .plan import MOST_HALVINGS, place_name
 from .stepping import step_from
 from .touch_down import locate
 from .walk import Ended, Stage, Walk, bracketed
@@ -53,6 +53,18 @@ class Natural:
         width = end.value if self.name == HALF_WIDTH else last.half_width
         where = (width, message, self.name, None if self.name == HALF_WIDTH else end.value)
         return Course(name, self.start.label, points, end.reason.value, *where)
+
+    @property
+    def uncertified(self) -> tuple[Target, ...]:
+        """The values that were asked for and reached by a state at rest that is undecided."""
+        return tuple(
+            Target(s.half_width, s.segments, s.label, True, False, s.message, place=self._place(s))
+            for s, _ in self.met
+            if s.kind == "equilibrium" and not s.certified
+        )
+
+    def _place(self, state: Summary) -> str:
+        return "" if self.name == HALF_WIDTH else place_name({self.name: self._value(state)})
 
     def _value(self, state: Summary) -> float:
         """The parameter's value at a state."""

@@ -13,7 +13,7 @@ from ..store import StateRecord, Summary, resolve_state
 from .branch import Branches
 from .journal import run_or_read
 from .natural import Natural
-from .outcome import Outcome
+from .outcome import Outcome, Target
 from .progress import Progress, silence
 from .records import state_of
 from .refine import walk_from
@@ -52,15 +52,17 @@ def continue_state(
         walk = walk_from(run, record, watcher, argv, gap=gap)
         for choice in taken:
             walk.journal.note(choice)
+        targets: tuple[Target, ...] = ()
         if natural:
-            name = f"from {record.label}{_with_contact(gap)}"
-            courses = [Natural(walk, request, Summary.of(record)).follow(name)]
+            way = Natural(walk, request, Summary.of(record))
+            courses = [way.follow(f"from {record.label}{_with_contact(gap)}")]
+            targets = way.uncertified
         else:
             branches = Branches(walk, request, record)
             branches.follow(f"{branch_name(record, request)}{_with_contact(gap)}")
             courses = branches.courses
         notes, new = tuple(walk.journal.notes), walk.journal.new_states
-        return Outcome(run, (), notes, new, tuple(courses))
+        return Outcome(run, targets, notes, new, tuple(courses))
 
     return run_or_read(run, progress or silence, study)
 

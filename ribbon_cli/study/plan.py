@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from ..config import Config
+from ..digits import duration, memory
 from ..facts import TOLERANCE, same_value, same_width
 from ..parts import HALF_WIDTH, PARAMETERS
 from ..recipes import RECIPES
@@ -18,6 +19,11 @@ SECONDS_PER_SEGMENT = 1.2e-4
 SPECTRUM_SECONDS = 4e-8
 """Costs seen on a 2.6 GHz core: a stage with its certificate and file, Newton steps (linear in N), and a
 full spectrum (cubic in N). They make an estimate, not a promise."""
+
+LARGE = 6400
+MEMORY_PER_SEGMENT = 36 * 1024
+"""Segments from which the cost of a level is worth a remark, and the bytes a segment that its solve takes at
+most."""
 
 
 @dataclass(frozen=True)
@@ -198,7 +204,17 @@ def plan_of(config: Config, given: tuple[float, int] | None = None) -> Plan:
     notes = (halving,) if any(stage.name in moving for stage in stages) else ()
     if branch is not None:
         notes = (*notes, f"a branch takes up to {branch.steps} steps; their cost is not counted")
-    return Plan(tuple(stages), cost, (*guess_notes(config), *notes))
+    return Plan(tuple(stages), cost, (*guess_notes(config), *notes, *level_notes(config, stages)))
+
+
+def level_notes(config: Config, stages: Sequence[PlannedStage]) -> tuple[str, ...]:
+    """What a solve on each of the large grids takes, spectra left out."""
+    largest = {stage.segments: stage for stage in stages if (stage.segments or 0) >= LARGE}
+    return tuple(
+        f"N = {n}: about {duration(_cost(config, stage))} and {memory(MEMORY_PER_SEGMENT * n)} of memory each"
+        for n, stage in largest.items()
+        if n is not None
+    )
 
 
 def _stage(name: str, kind: str, place: Mapping[str, float], segments: int | None) -> PlannedStage:

@@ -86,7 +86,7 @@ def _refine_all(
             if named:
                 message = record.message
                 targets.append(Target(record.half_width, n, record.label, True, record.certified, message))
-            failed = None if record.certified else record.message
+            failed = None if record.certified else f"{stage}: not certified: {record.message}"
         if failed is not None:
             walk.journal.note(failed)
             rest = [m for m in grids[k:] if every or m == grids[-1]]

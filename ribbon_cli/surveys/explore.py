@@ -14,10 +14,12 @@ import numpy as np
 from ..model.band import Band, State
 from ..model.problem import Problem
 from ..model.random_shapes import random_start
+from ..model.touching_gaps import Pairs
 from ..solver.climbing import climb
 from ..solver.newton import Options, solve
 from ..solver.status import Result
 from ..study.acceptance import checked, options_for, strip_guard
+from .resting import descend, open_start
 
 FEWEST, MOST = 3, 15
 """Steps down from a start, which take out the worst wrinkles; how many decides how far from a minimum a climb
@@ -25,44 +27,55 @@ begins."""
 MOST_STEPS = 150
 """Most Newton steps down: ways at N = 48 take 10 to 60."""
 NO_START = "no-start"
-"""The word for a start of which no draw was closed, or had the linking number asked for."""
+"""The word for a start of which no draw was closed, or had the linking number asked for; with contact forces
+on, of which none was without a crossing as well."""
 
 
 @dataclass(frozen=True)
 class Task:
-    """A start to explore, by its number; `climbs` are the numbers of modes to climb, 0 for a descent."""
+    """A start to explore, by its number; `climbs` are the numbers of modes to climb, 0 for a descent; `gap`
+    is the least distance that contact forces keep, None where contact has no forces.
+    """
 
     band: Band
     half_twists: int
     seed: int
     start: int
     climbs: tuple[int, ...]
+    gap: float | None = None
 
 
 @dataclass(frozen=True)
 class End:
-    """Where one way from a start ended; `result` is None where there was no start."""
+    """Where one way from a start ended: in a word, its status or why it has none, and its `result`.
+
+    With contact forces on, `pairs` are the gaps that it keeps.
+    """
 
     climb: int
-    result: Result | None
-
-    @property
-    def word(self) -> str:
-        """The status of its end."""
-        return NO_START if self.result is None else self.result.status.value
+    word: str
+    result: Result | None = None
+    pairs: Pairs | None = None
 
 
 def explore(task: Task) -> Sequence[End]:
     """Every way from a start."""
     rng = np.random.default_rng([task.seed, task.start])
     with np.errstate(over="ignore", invalid="ignore"):  # draws that run away while they are closed
-        state = random_start(task.band, task.half_twists, rng)
+        if task.gap is None:
+            state = random_start(task.band, task.half_twists, rng)
+        else:
+            state = open_start(task.band, task.half_twists, rng, task.gap)
     if state is None:
-        return [End(modes, None) for modes in task.climbs]
+        return [End(modes, NO_START) for modes in task.climbs]
+    if task.gap is not None:
+        word, rest, result = descend(state, task.half_twists, task.gap)
+        return [End(0, word, result, None if rest is None else rest.pairs)]
     problem, options = Problem(task.band), options_from(state, task.half_twists)
     few = replace(options, max_steps=int(rng.integers(FEWEST, MOST)), leave_saddles=0)
     smoothed = solve(problem, state.vector(), None, few)
-    return [End(modes, _way(problem, smoothed, modes, task.half_twists, options)) for modes in task.climbs]
+    ends = [(modes, _way(problem, smoothed, modes, task.half_twists, options)) for modes in task.climbs]
+    return [End(modes, result.status.value, result) for modes, result in ends]
 
 
 def options_from(state: State, half_twists: int) -> Options:

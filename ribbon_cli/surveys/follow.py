@@ -11,15 +11,18 @@ import numpy as np
 from ..model.band import State
 from ..model.folding import ClosureError
 from ..model.problem import Problem
+from ..model.touching_gaps import Pairs
 from ..solver.arclength import nearest
 from ..solver.climbing import climb
 from ..solver.continuation import TRACKING_STEPS, to_segments
 from ..solver.kinship import another_minimum
 from ..solver.newton import Options, solve
 from ..solver.prolongation import phase_of, smooth
+from ..solver.resting_exchange import NoRestError
 from ..solver.status import STATIONARY, Result
 from ..study.acceptance import checked
 from .explore import options_from
+from .resting import Kept, refined
 from .shapes import Shape, distance
 
 MOST_APART = 0.3
@@ -35,29 +38,33 @@ MET, LOST, FAILED = "met", "lost", "failed"
 
 @dataclass(frozen=True)
 class Task:
-    """An equilibrium to follow to a mesh."""
+    """An equilibrium to follow to a mesh; with contact forces on, and with what it keeps."""
 
     state: State
     energy: float
     index: int
     segments: int
     half_twists: int
+    kept: Kept | None = None
 
 
 @dataclass(frozen=True)
 class Followed:
     """What came of it: the state where it was met, how far that is from the coarser one, and in words what
-    was found instead where it was not.
+    was found instead where it was not. With contact forces on, `pairs` are the gaps that it keeps.
     """
 
     word: str
     result: Result | None = None
     distance: float | None = None
     why: str = ""
+    pairs: Pairs | None = None
 
 
 def follow(task: Task) -> Followed:
     """An equilibrium on a finer mesh; of several places there that of the lowest index."""
+    if task.kept is not None:
+        return _at_rest(task, task.kept)
     coarse = Shape(task.state, task.energy, task.index)
     options = options_from(task.state, task.half_twists)
     others: list[str] = []
@@ -82,6 +89,22 @@ def follow(task: Task) -> Followed:
     if others:
         return Followed(LOST, why=others[0])
     return Followed(FAILED, why=", ".join(dict.fromkeys(tried)))
+
+
+def _at_rest(task: Task, kept: Kept) -> Followed:
+    """A shape with contact forces on a finer mesh: what it touches is told by the way there."""
+    try:
+        rest, result = refined(task.state, kept, task.segments, task.half_twists)
+    except NoRestError as error:
+        return Followed(FAILED, why=str(error))
+    fine = Shape.of(result, kept.gap)
+    if fine is None:
+        return Followed(FAILED, why=result.status.value)
+    apart = distance(task.state, fine.state)
+    why = _unlike(Shape(task.state, task.energy, task.index, kept.gap), fine, apart)
+    if why or fine.index > task.index:
+        return Followed(LOST, why=why or f"index {fine.index}")
+    return Followed(MET, result, apart, pairs=rest.pairs)
 
 
 def _ways(task: Task, options: Options) -> Iterator[tuple[Result, bool]]:
@@ -122,13 +145,21 @@ def _starts(state: State, segments: int) -> Iterator[State]:
 
 def _other(coarse: Shape, fine: Shape, apart: float, options: Options) -> str:
     """Why a state on a finer mesh is another equilibrium; empty where it may be the same."""
+    why = _unlike(coarse, fine, apart)
+    if why:
+        return why
+    if coarse.index == 0 and fine.index == 0:
+        kin = another_minimum(coarse.state, fine.state, options)
+        return "" if kin is None else str(kin)
+    return f"index {fine.index}" if abs(fine.index - coarse.index) > 1 else ""
+
+
+def _unlike(coarse: Shape, fine: Shape, apart: float) -> str:
+    """In what a state on a finer mesh is too far from a coarser one; empty where it is not."""
     if fine.inflections != coarse.inflections:
         return f"{fine.inflections} inflections"
     if abs(fine.energy - coarse.energy) > NEAR_ENERGY * abs(coarse.energy):
         return f"E = {fine.energy:.9g}"
     if apart > MOST_APART:
         return f"another shape, {apart:.2g} away"
-    if coarse.index == 0 and fine.index == 0:
-        kin = another_minimum(coarse.state, fine.state, options)
-        return "" if kin is None else str(kin)
-    return f"index {fine.index}" if abs(fine.index - coarse.index) > 1 else ""
+    return ""

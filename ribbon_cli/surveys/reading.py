@@ -227,4 +227,5 @@ def _equilibrium(run: Run, number: int, found: int, standing: Standing, hits: in
 
 def shape_of(record: StateRecord) -> Shape:
     """What a stored state is told from others by."""
-    return Shape(state_of(record), record.energy, record.negative_eigenvalues or 0)
+    gap = None if record.contacts is None else record.contacts.gap
+    return Shape(state_of(record), record.energy, record.negative_eigenvalues or 0, gap)

@@ -15,6 +15,8 @@ from ..config import Config, dump_resolved
 from ..errors import UsageError
 from ..model.band import Band, Discretisation
 from ..model.problem import Problem
+from ..model.touching_gaps import Pairs
+from ..solver.resting import RestingProblem
 from ..solver.status import Result
 from ..store import Run
 from ..store.events import SURVEY_FOLLOWED, SURVEY_START, SurveyFollowed
@@ -23,13 +25,14 @@ from ..study.given import given_band
 from ..study.journal import run_or_read
 from ..study.outcome import Outcome
 from ..study.progress import Progress, silence
-from ..study.records import state_of
+from ..study.records import multipliers_of, pairs_of, state_of
 from ..study.walk import Ended, Stage, Walk
 from . import explore, follow
 from .explore import End
 from .follow import Followed
 from .pool import in_order
 from .reading import levels_of, shape_of, standings, starts_of
+from .resting import Kept
 from .shapes import Kinds, Shape
 
 LARGEST = 200
@@ -69,6 +72,11 @@ def survey_config(
     Raises UsageError for a config without a mesh of its own, or with too fine a one, StoreError, LockedError,
     WorkerDiedError.
     """
+    if config.contact.forces and request.climb:
+        raise UsageError(
+            "--climb: saddles of bands that rest on themselves are not looked for: leave it out, or contact "
+            f"forces of {config.path}"
+        )
     band = survey_band(config, root)
     named = replace(config, name=request.name(config))
     run = Run.create_or_open(root, named.name, named.hash8(), config.text, dump_resolved(named))
@@ -116,7 +124,10 @@ class _Survey:
         folder = Path(config.path).parent
         origin = folder if folder.is_dir() else None
         total = request.starts
-        self.walk = Walk(run, config.half_twists, config.spectrum, progress, argv, origin, total)
+        self.gap = config.contact.gap if config.contact.forces else None
+        self.walk = Walk(
+            run, config.half_twists, config.spectrum, progress, argv, origin, total, gap=self.gap
+        )
         self.journal = self.walk.journal
         self.guard = options_for(config.half_twists).guard if band.closed else None
 
@@ -137,7 +148,7 @@ class _Survey:
         self.journal.clock()  # which asks for the run to be opened for writing
         kinds = self._kinds()
         band, half_twists, seed = self.band, self.config.half_twists, self.request.seed
-        tasks = [explore.Task(band, half_twists, seed, k, self.request.climbs) for k in left]
+        tasks = [explore.Task(band, half_twists, seed, k, self.request.climbs, self.gap) for k in left]
         for start, ends in zip(left, in_order(explore.explore, tasks, self.request.workers), strict=True):
             self.walk.begin(f"start {start}", band.half_width, band.segments)
             lines = [self._end(kinds, start, end) for end in ends]
@@ -161,7 +172,7 @@ class _Survey:
     def _end(self, kinds: Kinds, start: int, end: End) -> dict[str, object]:
         """Store the state that a way ended in, if it is a new one, and say what it is."""
         line: dict[str, object] = {"climb": end.climb, "status": end.word, "found": None, "stored": None}
-        shape = None if end.result is None else Shape.of(end.result)
+        shape = None if end.result is None else Shape.of(end.result, self.gap)
         if shape is None or end.result is None:
             return line
         kind = kinds.of(shape)
@@ -169,7 +180,7 @@ class _Survey:
             return line | {"found": kind.label}
         climbed = f", {end.climb} mode{'s' * (end.climb > 1)} climbed" if end.climb else ""
         stage = f"start {start}{climbed}"
-        label = self._stored(stage, None, end.result, "a random start")
+        label = self._stored(stage, None, end.result, end.pairs, "a random start")
         if kind is None:
             kind = kinds.add(label, shape)
             self.journal.note(f"{stage}: a new equilibrium, E = {shape.energy:.9g}, index {shape.index}")
@@ -177,13 +188,18 @@ class _Survey:
             kinds.improve(kind, label, shape)
         return line | {"found": kind.label, "stored": label}
 
-    def _stored(self, stage: str, parent: int | None, result: Result, method: str) -> int:
+    def _stored(
+        self, stage: str, parent: int | None, result: Result, pairs: Pairs | None, method: str
+    ) -> int:
         known = self.journal.finished(stage)
         if known is not None:
             return known.label
         band = result.state.band
         named = Stage(stage, band.half_width, band.segments, "equilibrium", parent)
-        return self.walk.store(named, Ended(Problem(band), replace(result, saddles=()), method)).label
+        problem = Problem(band)
+        if self.gap is not None and pairs is not None:
+            problem = RestingProblem(band, pairs, self.gap)
+        return self.walk.store(named, Ended(problem, replace(result, saddles=()), method)).label
 
     # --- finer meshes ---
 
@@ -208,7 +224,10 @@ class _Survey:
     def _task(self, label: int, level: int) -> follow.Task:
         record = self.journal.run.load(label)
         index = record.negative_eigenvalues or 0
-        return follow.Task(state_of(record), record.energy, index, level, self.config.half_twists)
+        kept, held = None, record.contacts
+        if held is not None:
+            kept = Kept(multipliers_of(record), pairs_of(held), held.force, held.gap)
+        return follow.Task(state_of(record), record.energy, index, level, self.config.half_twists, kept)
 
     def _kinds_at(self, level: int) -> Kinds:
         """The equilibria that were met on a finer mesh."""
@@ -224,12 +243,12 @@ class _Survey:
 
     def _log(self, kinds: Kinds, found: int, parent: int, level: int, end: Followed) -> None:
         label = None
-        shape = None if end.result is None else Shape.of(end.result)
+        shape = None if end.result is None else Shape.of(end.result, self.gap)
         if end.result is not None and shape is not None:
             kind = kinds.of(shape)
             if kind is None:
                 stage = f"state {parent} refined to N = {level}"
-                label = self._stored(stage, parent, end.result, "refined")
+                label = self._stored(stage, parent, end.result, end.pairs, "refined")
                 kinds.add(label, shape)
             else:
                 label = kind.label

@@ -23,6 +23,7 @@ from ..solver.arclength import nearest
 from ..solver.newton import Guard
 from ..solver.prolongation import Phase, smooth
 from ..solver.status import STATIONARY, Result
+from ..study.resting import crosses
 
 SAME_ENERGY = 1e-6
 """Relative difference of energies up to which shapes are compared: both are converged to 1e-9 and less."""
@@ -38,18 +39,22 @@ FLAT = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """An equilibrium on a mesh: its state, energy, index (rotations left out) and number of inflections."""
+    """An equilibrium on a mesh: its state, energy, index (rotations left out) and number of inflections.
+
+    `gap` is the least distance that contact forces keep, None where contact has no forces.
+    """
 
     state: State
     energy: float
     index: int
+    gap: float | None = None
 
     @classmethod
-    def of(cls, result: Result) -> Shape | None:
+    def of(cls, result: Result, gap: float | None = None) -> Shape | None:
         """The shape that a result is; None of what is not stationary, or whose index is not known."""
         if result.status not in STATIONARY or result.negative is None:
             return None
-        return cls(result.state, result.energy, result.negative)
+        return cls(result.state, result.energy, result.negative, gap)
 
     @cached_property
     def inflections(self) -> int:
@@ -81,7 +86,10 @@ class Shape:
         )
 
     def slid(self, guard: Guard | None) -> list[Shape]:
-        """What becomes of it slid to either place on the mesh and settled, if that may be the same band."""
+        """What becomes of it slid to either place on the mesh and settled, if that may be the same band.
+
+        With contact forces on, only where nothing crosses there: a band at rest on itself is not slid.
+        """
         if not self.state.band.closed:
             return []
         found = []
@@ -91,7 +99,9 @@ class Shape:
             except (ClosureError, np.linalg.LinAlgError):
                 continue
             twin = Shape.of(nearest(start, guard))
-            if twin is not None and twin.may_be(self) and not twin.is_(self):
+            if twin is None or not twin.may_be(self) or twin.is_(self):
+                continue
+            if self.gap is None or not crosses(twin.state, self.gap):
                 found.append(twin)
         return found
 

@@ -317,4 +317,5 @@ def _inertia(record: StateRecord, problem: Problem, local: LocalDerivatives, x: 
     if count.trusted and count.negative != stored:
         yield f"negative_eigenvalues is {stored}, recomputed {count.negative}"
     elif not count.trusted and stored == 0:
-        yield f"negative_eigenvalues is 0, which cannot be confirmed (pivot gap {count.gap:.1e})"
+        measured = f"measured roundoff {count.roundoff:.1e}, pivot gap {count.gap:.1e}"
+        yield f"negative_eigenvalues is 0, which cannot be confirmed ({measured})"
