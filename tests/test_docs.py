@@ -225,7 +225,7 @@ def test_the_reference_names_every_key_and_recipe() -> None:
     section = read(REFERENCE / "config.md").partition("## The keys")[2].partition("\n## ")[0]
     named = dict.fromkeys(re.match(r"\| `(\w+)", row)[1] for row in rows(section))  # type: ignore[index]
     assert list(named) == [key.name for key in CONFIG.keys]
-    assert set(re.findall(r"recipe: (\w+)", section)) == set(RECIPES)
+    assert set(re.findall(r"recipe: ([\w-]+)", section)) == set(RECIPES)
 
 
 def test_the_page_on_recipes_has_a_row_and_a_section_for_each() -> None:
