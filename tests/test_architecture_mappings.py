@@ -50,13 +50,13 @@ REASONS = {
     "functions by the name that a user gives": "report.tables plot.kinds",
     "keywords and settings of matplotlib": """
         plot.canvas.Figure._repr_png_ plot.curves._formulas plot.figure.image plot.levels._mark
-        plot.branches plot.levels._changes
+       
         plot.runs.runs_figure plot.style.styled plot.style.marked_look plot.style.line_look
         plot.style.branch_look plot.style._look plot.style._fill""",
     "attributes of an SVG element": "export.sheet.Line",
     "JSON of formats that others define": """
         export.fold.fold_bytes export.fold._faces export.fold._edges export.fold._seam export.fold._ends
-        export.gltf._layout export.gltf._material""",
+        export.gltf._layout""",
     "JSON, made of records where it is written": """
         study.status.Standing.to_dict study.outcome.CoursePoint.to_dict study.outcome.Course.to_dict
         report.spectra.Told.document export.viewer._state

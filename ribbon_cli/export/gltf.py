@@ -24,16 +24,23 @@ MAGIC, VERSION, JSON_CHUNK, BINARY_CHUNK = b"glTF", 2, b"JSON", b"BIN\0"
 FLOAT, UNSIGNED_INT = 5126, 5125
 VERTICES, INDICES = 34962, 34963
 KINDS = {1: "SCALAR", 3: "VEC3"}
-
-
-def _material(name: str, colour: tuple[float, float, float]) -> dict[str, Any]:
-    """A dull material that is seen from both sides."""
-    surface = {"baseColorFactor": [*colour, 1.0], "metallicFactor": 0.0, "roughnessFactor": 0.9}
-    return {"name": name, "doubleSided": True, "pbrMetallicRoughness": surface}
-
-
-PAPER = _material("paper", (0.91, 0.87, 0.78))
-FORCES = _material("forces", (0.45, 0.0, 0.02))
+PAPER = {
+    "name": "paper",
+    "doubleSided": True,
+    "pbrMetallicRoughness": {
+        "baseColorFactor": [0.91, 0.87, 0.78, 1.0],
+        "metallicFactor": 0.0,
+        "roughnessFactor": 0.9,
+    },
+}
+FORCES = PAPER | {
+    "name": "forces",
+    "pbrMetallicRoughness": {
+        "baseColorFactor": [0.45, 0.0, 0.02, 1.0],
+        "metallicFactor": 0.0,
+        "roughnessFactor": 0.9,
+    },
+}
 
 
 def glb_bytes(record: StateRecord, title: str, run: str | None) -> bytes:

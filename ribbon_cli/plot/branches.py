@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import groupby, pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -26,12 +26,21 @@ LINES: dict[int | None, tuple[str, Any]] = {
     None: ("index unknown", (0, (6, 1.6, 1.2, 1.6))),
 }
 """Name and dashes of a stretch by its number of negative eigenvalues."""
-MARKS: dict[str, tuple[str, Any]] = {
-    "fold": ("fold", "D"),
-    "branch-point": ("branch point", "s"),
-    "contact": ("contact", "X"),
-    "touch": ("touch", CARETDOWN),
-    "lift": ("lift", CARETUP),
+
+
+class Mark(NamedTuple):
+    """What a kind of point is called, and its marker."""
+
+    name: str
+    marker: Any
+
+
+MARKS = {
+    "fold": Mark("fold", "D"),
+    "branch-point": Mark("branch point", "s"),
+    "contact": Mark("contact", "X"),
+    "touch": Mark("touch", CARETDOWN),
+    "lift": Mark("lift", CARETUP),
 }
 """Name and marker of a point by its type."""
 DWARFED = 100.0

@@ -334,10 +334,17 @@ def _changes(energy: Axes, force: Axes, changes: Sequence[Summary], style: Style
             continue
         name, marker = MARKS[kind]
         b, e, _ = energies(found, parameter)
-        look: dict[str, Any] = {"markerfacecolor": "white", "markeredgecolor": PALETTE[1], "zorder": 4}
         for axes, values in ((energy, e / energy_unit(found)[1]), (force, contact_forces(found))):
             axes.plot(
-                b, values, marker=marker, linestyle="", markersize=1.5 * style.marker, label=name, **look
+                b,
+                values,
+                marker=marker,
+                linestyle="",
+                markersize=1.5 * style.marker,
+                markerfacecolor="white",
+                markeredgecolor=PALETTE[1],
+                label=name,
+                zorder=4,
             )
 
 
