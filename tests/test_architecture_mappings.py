@@ -50,7 +50,6 @@ REASONS = {
     "functions by the name that a user gives": "report.tables plot.kinds",
     "keywords and settings of matplotlib": """
         plot.canvas.Figure._repr_png_ plot.curves._formulas plot.figure.image plot.levels._mark
-       
         plot.runs.runs_figure plot.style.styled plot.style.marked_look plot.style.line_look
         plot.style.branch_look plot.style._look plot.style._fill""",
     "attributes of an SVG element": "export.sheet.Line",
