@@ -15,11 +15,14 @@ _FACTS = {
     *("code_revision", "code_dirty", "git_revision", "git_dirty", "pid", "host", "sha256", "crc32"),
     *("config.yaml", "resolved.yaml"),
 }
-_SECONDS = re.compile(r"\b\d+(?:\.\d+)? s\b")
+_SECONDS = re.compile(r"\b(?:\d+ min )?\d+(?:\.\d+)? s\b|\b\d+ h \d\d min\b")
 _TIME = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d(?:\.\d+)?(?:Z|\+00:00)?")
 _FACT = "|".join(sorted(_FACTS))
 _FACT_LINE = re.compile(rf"^(\s*(?:/provenance/)?(?:{_FACT})\s+)\S.*$", re.MULTILINE)
 _FACT_CELL = re.compile(rf"(<td>(?:{_FACT})[^<]*</td><td>).*?(?=</td>)")
+
+SHORT = 12
+"""Characters of a content hash in captions."""
 
 
 class Words:
@@ -31,7 +34,10 @@ class Words:
 
     def __init__(self, places: tuple[str, str], states: Iterable[StateFile]) -> None:
         self.known = dict(zip(places, ("<here>", "<program>"), strict=True))
-        self.known |= {s.content: f"<content of {s.place}>" for s in states if s.content != DAMAGED}
+        for state in states:
+            if state.content != DAMAGED:
+                told = f"<content of {state.place}>"
+                self.known |= {state.content: told, state.content[:SHORT]: told}
         self._pattern = re.compile("|".join(map(re.escape, sorted(self.known, key=len, reverse=True))))
         self._bytes = re.compile(self._pattern.pattern.encode())
 
