@@ -372,11 +372,6 @@ def test_the_door_for_programs(surveyed: Run) -> None:
     assert surveys.is_survey(surveyed)
 
 
-def test_contact_forces_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="a survey knows no contact forces"):
-        survey_band(made(CONFIG + "contact: forces\n"), tmp_path)
-
-
 def test_a_mesh_that_is_too_fine_is_refused(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="at most 200 segments, got 400"):
         survey_band(made(CONFIG.replace("16", "400")), tmp_path)

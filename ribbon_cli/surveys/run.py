@@ -90,8 +90,6 @@ def survey_config(
 def survey_band(config: Config, root: Path) -> Band:
     """The band that is surveyed. Raises UsageError."""
     guess = config.guess
-    if config.contact.forces:
-        raise UsageError(f"{config.path}: contact: a survey knows no contact forces: give `contact: record`")
     band = given_band(config, root)
     if band is None:
         assert guess.segments is not None
