@@ -8,12 +8,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import qdldl
+import scipy
 from numeric_support import DATA, E3, Array, load, random_strip, ring, twist_prescription
 
 from ribbon_cli.model.band import Band, State
 from ribbon_cli.model.problem import Prescription, Problem
 from ribbon_cli.solver.dense import dense_solve
+from ribbon_cli.solver.linear import Factor
 from ribbon_cli.solver.newton import SETTLED, Options, change, estimate_multipliers, inverted_facets, solve
+from ribbon_cli.solver.resting_kkt import kkt_matrix
 from ribbon_cli.solver.spectra import lowest_spectrum
 from ribbon_cli.solver.status import Result, Status
 
@@ -293,3 +297,23 @@ def test_a_long_last_step_is_taken_and_judged_where_it_leads() -> None:
     assert loose.certified
     assert 1 <= loose.steps <= 3
     assert change(at.x, loose.x - at.x) < SETTLED
+
+
+def test_a_solver_that_serves_again_tells_of_a_zero_pivot(monkeypatch: pytest.MonkeyPatch) -> None:
+    """qdldl 0.1.9 raises for a zero pivot where a solver is made, and is silent where it is updated: what it
+    solves from then on is wrong (https://github.com/osqp/qdldl-python)."""
+    good, singular = (scipy.sparse.csc_matrix(np.triu([[d, 1.0], [1.0, d]])) for d in (2.0, 1.0))
+    with pytest.raises(RuntimeError, match="not quasi-definite"):
+        qdldl.Solver(singular, upper=True)
+    solver = qdldl.Solver(good, upper=True)
+    solver.update(singular, upper=True)
+    assert solver.factors()[1].tolist() == [1.0, 0.0]
+
+    problem, x, multipliers = kept("pi-b0.5-N50")
+    matrix = kkt_matrix(problem, problem.local_derivatives(x, multipliers), problem.rotations(x))
+    rhs = np.cos(np.arange(matrix.size + matrix.border))
+    right = Factor(matrix).solve(rhs)
+    assert matrix.pattern.idle
+    zeros = 0.0 * matrix.regularised(0.0, 1e-8)
+    monkeypatch.setattr(matrix, "regularised", lambda *_: zeros, raising=False)
+    assert Factor(matrix).solve_roughly(rhs) == pytest.approx(right, rel=1e-8, abs=1e-10)

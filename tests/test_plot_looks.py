@@ -17,6 +17,7 @@ from matplotlib.legend import Legend
 from matplotlib.lines import Line2D
 from picture_support import run_named, solved, states_of  # noqa: F401
 from PIL import Image
+from resting_support import resting_record
 from store_support import make_summary
 
 from ribbon_cli.errors import UsageError
@@ -82,6 +83,7 @@ def source_of(kind: str, root: Path) -> Source:
     many = tuple(replace(state, half_width=0.1 + 0.01 * k) for k in range(MOST_LOOKS))
     shown = () if kind in ("convergence", "branch", "family") else many
     shown = (state,) if kind in ("pattern", "mode") else shown
+    shown = (resting_record("pi-b1.65-N100"),) if kind == "contacts" else shown
 
     def curves_of(record: Any) -> Any:
         raise UsageError("none")

@@ -181,7 +181,7 @@ def test_a_value_that_does_not_go_with_the_base_is_named_with_both_places(folder
 
 def test_a_mistake_of_the_base_alone_is_told_in_its_file(folder):
     told = mistakes("config: base.yaml\nvary:\n  - widths: [[0.1], [0.2]]\n", BASE + "contact: halt\n")
-    assert told == ["base.yaml:4:10: contact: must be record or stop, got halt"]
+    assert told == ["base.yaml:4:10: contact: must be record, stop, forces or {gap: 0.02}, got halt"]
 
 
 def test_a_base_that_is_not_there_and_missing_keys(folder):

@@ -99,7 +99,9 @@ class Factor:
                 self._solver = qdldl.Solver(upper, upper=True)
             else:
                 self._solver.update(upper, upper=True)
-            self._found = True
+                # qdldl 0.1.9: where a new solver raises for a zero pivot, an update ends there in silence.
+                self._known = np.asarray(self._solver.factors()[1])
+            self._found = self._known is None or bool(self._known.all())
         except RuntimeError:
             self._found = False
 
