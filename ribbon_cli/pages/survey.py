@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from ribbon_cli import digits
 from ribbon_cli.analysis import multiplier_curves, run_table
-from ribbon_cli.export.words import MEETS_ITSELF
 from ribbon_cli.pages.html import Cell, heading, page, paragraph, picture, preformatted, table
 from ribbon_cli.pages.run import SCREEN
 from ribbon_cli.plot.counts import accumulation_figure
@@ -13,7 +12,7 @@ from ribbon_cli.plot.kinds import Source, draw
 from ribbon_cli.plot.style import styled
 from ribbon_cli.store import Run
 from ribbon_cli.surveys import Equilibrium, Findings, findings
-from ribbon_cli.surveys.text import CENSUS, cells, census_rows, heads, ways
+from ribbon_cli.surveys.text import CENSUS, cells, census_rows, contact, heads, ways
 
 WORDS = {"continuum": "yes", "mesh": "no", "open": "open"}
 """Classes of cells for what an equilibrium is called."""
@@ -52,7 +51,7 @@ def _table(found: Findings) -> str:
             if name == "is":
                 marked.append((text, WORDS[text]))
             elif name == "contact":
-                marked.append((text, "no") if row.self_contact else text)
+                marked.append((text, "no") if row.self_contact and not row.contacts else text)
             else:
                 marked.append(text if name == "symmetry" else (text, "n"))
         rows.append(marked)
@@ -88,9 +87,10 @@ def _shape(run: Run, row: Equilibrium) -> str:
     """A picture of an equilibrium on its finest mesh."""
     record = run.load(row.labels[-1] if row.labels else row.label)
     drawn = draw("shape", Source(run, (record,), run_table, multiplier_curves), SCREEN)
-    contact = f", {MEETS_ITSELF}" if row.self_contact else ""
+    meets = contact(row)
+    told = f", {meets}" if meets else ""
     words = (
         f"{row.number}: {row.verdict}. E = {digits.energy(record.energy)}, N = {record.segments}, "
-        f"index {row.index}, {row.inflections} inflections, symmetry {row.symmetry}{contact}"
+        f"index {row.index}, {row.inflections} inflections, symmetry {row.symmetry}{told}"
     )
     return picture(image(drawn.figure, "png", SCREEN, drawn.title, words), words)

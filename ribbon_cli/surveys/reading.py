@@ -44,7 +44,8 @@ class Equilibrium:
 
     `found` is the label of the state found first, `label` that of its state on the survey's mesh, `labels`
     those on the finer ones, with `energies`; `hits` counts the ways that led to it. `index` and `indices`
-    count negative eigenvalues, rotations left out. Contact is that on the finest mesh.
+    count negative eigenvalues, rotations left out. Contact is that on the finest mesh: `contacts` is how many
+    gaps push there, None without contact forces.
     """
 
     number: int
@@ -63,6 +64,7 @@ class Equilibrium:
     segments: tuple[int, ...]
     energies: tuple[float, ...]
     indices: tuple[int, ...]
+    contacts: int | None = None
 
 
 @dataclass(frozen=True)
@@ -222,6 +224,7 @@ def _equilibrium(run: Run, number: int, found: int, standing: Standing, hits: in
         tuple(state.segments for state in finer),
         tuple(state.energy or 0.0 for state in finer),
         tuple(index_of(state) for state in finer),
+        states[-1].contacts,
     )
 
 

@@ -25,6 +25,13 @@ def meshes(found: Findings) -> list[int]:
     return sorted({n for row in found.equilibria for n in row.segments})
 
 
+def contact(row: Equilibrium) -> str:
+    """How an equilibrium meets itself, on how many contacts it rests; empty where it does not."""
+    if row.contacts:
+        return f"rests on itself at {row.contacts} contact{'s' * (row.contacts > 1)}"
+    return MEETS_ITSELF if row.self_contact else ""
+
+
 def cells(row: Equilibrium, found: Findings) -> list[str]:
     """A row of the table of equilibria."""
     finer = dict(zip(row.segments, row.energies, strict=True))
@@ -38,7 +45,7 @@ def cells(row: Equilibrium, found: Findings) -> list[str]:
         linking,
         str(row.inflections),
         row.symmetry,
-        MEETS_ITSELF if row.self_contact else "no",
+        contact(row) or "no",
         str(row.hits),
         row.verdict,
         *(digits.energy(finer[n]) if n in finer else "-" for n in meshes(found)),
