@@ -50,7 +50,7 @@ Names are never used for anything else.
 """
 
 EVENTS, KINDS_OF_EVENTS = "/origin/events", "kinds"
-"""The dataset with the sentences of events, and its attribute with a word for each, which 1.0 and 1.1 lack."""
+"""The dataset with the sentences of events, and its attribute with a word for each; 1.0 and 1.1 lack it."""
 
 SIGNALS = {
     "/state": "u",
