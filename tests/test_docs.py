@@ -96,7 +96,9 @@ def marks(page: Path) -> tuple[pytest.MarkDecorator, ...]:
     return (pytest.mark.long if page.name == "strips-gallery.md" else pytest.mark.docs,)
 
 
-@pytest.mark.parametrize("page", [pytest.param(page, id=page_name(page), marks=marks(page)) for page in PAGES])
+@pytest.mark.parametrize(
+    "page", [pytest.param(page, id=page_name(page), marks=marks(page)) for page in PAGES]
+)
 def test_the_examples_run(page: Path, tmp_path: Path, shell: dict[str, str]) -> None:
     folder = tmp_path / "work"
     folder.mkdir()
