@@ -192,8 +192,7 @@ class KKTMatrix:
         self.metric = self.scale[: self.size] ** 2
         values = np.concatenate(
             (
-                local.hessian_entries(),
-                local.jacobian_entries(),
+                local.entries.ravel(),
                 np.full(problem.closing * n, problem.band.h),
                 rotations.reshape(n, 7, self.gauge)[:, :6].reshape(6 * n, self.gauge).T.ravel(),
                 np.zeros(self.size + self.border),
