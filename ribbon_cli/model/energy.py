@@ -7,6 +7,8 @@ All functions work on local vectors (14, N) of `stencil`, nodes last.
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from .band import Array, Band, Discretisation
@@ -36,6 +38,9 @@ _SERIES = np.array(_COEFFICIENTS) * [_TERMS**0, 2 * _TERMS, 2 * _TERMS * (2 * _T
 _SERIES[1:] = np.roll(_SERIES[1:], -1, axis=1)
 _COLUMNS = np.ascontiguousarray(_SERIES.T[::-1])
 SERIES_BELOW = 0.5
+REPEATED_UP_TO = 1024
+"""Arguments up to which coefficients are repeated: sums and products of arrays of one shape take half as long
+as others, as long as numpy's calls take longer than the numbers."""
 _ARGUMENT_CAP = 350.0  # sinh overflows at 710; beyond this its square is infinite and F' = sign x
 
 
@@ -57,12 +62,21 @@ def _series(x: Array, y: Array) -> tuple[Array, Array, Array]:
     """The same where x is small, and y is x there and 0 elsewhere."""
     t = y * y
     columns = _COLUMNS.reshape(-1, 3, *[1] * x.ndim)
+    if t.ndim == 1 and t.size <= REPEATED_UP_TO:
+        columns, t = _repeated(t.size), np.concatenate((t, t, t))
     series = columns[0] * t
     for column in columns[1:-1]:
         series += column
         series *= t
     series += columns[-1]
+    series = series.reshape(3, *x.shape)
     return series[0], series[1] * x, series[2]
+
+
+@lru_cache(maxsize=4)
+def _repeated(count: int) -> Array:
+    """The coefficients (14, 3 count), each as often as there are arguments."""
+    return np.repeat(_COLUMNS, count, axis=1)
 
 
 def _closed_forms(x: Array) -> tuple[Array, Array, Array]:

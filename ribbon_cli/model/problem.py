@@ -209,7 +209,8 @@ class Problem:
             if ends.end != FREE_END:
                 self.fixed[3:6] = True
                 self.target = displacement(ends)
-        self._masked = bool(self.fixed.any()) or self.stencil.seam is not Seam.CLOSED
+        self.any_fixed = bool(self.fixed.any())
+        self._masked = self.any_fixed or self.stencil.seam is not Seam.CLOSED
         weights = np.tile(row_weights(band), band.segments)
         if self.stencil.seam is Seam.HELD:
             weights[END_ROW] = 1.0
