@@ -19,8 +19,10 @@ from test_saddle_free import problem_of
 from ribbon_cli.config import parse_config
 from ribbon_cli.model.band import Band, Discretisation, State
 from ribbon_cli.model.folding import ClosureError, xi_between
-from ribbon_cli.model.problem import Problem
+from ribbon_cli.model.problem import Layout, Problem
 from ribbon_cli.model.sparsity import Scatter
+from ribbon_cli.model.stencil import Seam
+from ribbon_cli.model.term import Couplings
 from ribbon_cli.solver import continuation, inertia, kkt, linear, newton
 from ribbon_cli.solver.continuation import to_segments
 from ribbon_cli.solver.dense import dense_direction
@@ -225,6 +227,31 @@ def test_patterns_sum_what_shares_a_place(monkeypatch: pytest.MonkeyPatch) -> No
     for scatter in (usual, compact):
         np.testing.assert_allclose(scatter.matrix(values).toarray(), expected, atol=1e-14)
         assert scatter.matrix(values).has_sorted_indices
+
+
+@pytest.mark.parametrize("couplings", [(), (("U0", "U0"), ("U", "U"))], ids=["bare", "coupled"])
+@pytest.mark.parametrize("seam", list(Seam))
+def test_stretched_patterns_are_those_sorted(
+    seam: Seam, couplings: Couplings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(kkt, "DIRECTLY", kkt.TEMPLATE + 1)
+    for segments, rotations, compact in ((22, 3, 1 << 20), (57, 0, 100), (120, 1, 1 << 20)):
+        monkeypatch.setattr("ribbon_cli.model.sparsity.COMPACT_FROM", compact)
+        monkeypatch.setattr(kkt, "COMPACT_FROM", compact)
+        layout = Layout(segments, seam, couplings)
+        found = kkt._built_pattern(layout, rotations)
+        usual = kkt.pattern_of(kkt._upper(layout, rotations))
+        for one, other in zip(arrays_of(found), arrays_of(usual), strict=True):
+            assert one.dtype == other.dtype
+            np.testing.assert_array_equal(one, other)
+
+
+def arrays_of(pattern: kkt.Pattern) -> list[Array]:
+    """Everything that a pattern is."""
+    upper, whole = pattern.upper, pattern.whole_matrix
+    empty = pattern.upper_matrix
+    arrays = [upper.indptr, upper.indices, upper.slot, empty.indptr, empty.indices, pattern.diagonal]
+    return [*arrays, whole.indptr, whole.indices, pattern.whole_source]
 
 
 # --- refinement ---

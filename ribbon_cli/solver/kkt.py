@@ -8,7 +8,7 @@ are scaled by fixed powers of h and b, so that entries are of order one at every
 from __future__ import annotations
 
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -27,12 +27,16 @@ from ..model.problem import (
     Problem,
     hessian_places,
 )
-from ..model.sparsity import COMPACT_FROM, IntArray, Scatter
+from ..model.sparsity import COMPACT_FROM, IntArray, Scatter, stretched
 from ..model.stencil import Seam, indices
 
 BLOCK = 7 + PER_NODE
 FINE = 3200
 """Segments beyond which memory counts: patterns and factors that could serve again are not all kept."""
+TEMPLATE = 20
+"""Segments of the small grid from which patterns are stretched, of which half are clear of the seam."""
+DIRECTLY = 1000
+"""Segments up to which stretching takes as long as sorting."""
 ROWS_AT_ONCE = 1 << 16
 """Rows of the matrix that are in extended precision at one time."""
 
@@ -64,7 +68,14 @@ def _pattern(layout: Layout, rotations: int) -> Pattern:
 
 
 def _built_pattern(layout: Layout, rotations: int) -> Pattern:
-    """Build the pattern, in the order of entries of `KKTMatrix`."""
+    """Build the pattern: that of a small grid, or one stretched from two of these."""
+    if layout.segments <= DIRECTLY:
+        return pattern_of(_upper(layout, rotations))
+    return _stretched_pattern(layout, rotations)
+
+
+def _upper(layout: Layout, rotations: int) -> Scatter:
+    """The upper triangle, in the order of entries of `KKTMatrix`."""
     n, size, closing = layout.segments, 7 * layout.segments, layout.seam.closing
     # What is not an unknown carries zeros only.
     index = indices(n, layout.seam)[1].astype(np.int32)
@@ -79,12 +90,60 @@ def _built_pattern(layout: Layout, rotations: int) -> Pattern:
     every = np.arange(total)
     rows = (np.minimum(one, other), index[JACOBIAN_COLUMNS], tangents, np.tile(moving, rotations), every)
     columns = (np.maximum(one, other), jac_columns, close_columns, gauge_columns, every)
-    upper = Scatter.build(
+    return Scatter.build(
         np.concatenate([r.ravel().astype(np.int32, copy=False) for r in rows]),
         np.concatenate([c.ravel().astype(np.int32, copy=False) for c in columns]),
         (total, total),
     )
-    return pattern_of(upper)
+
+
+def _stretched_pattern(layout: Layout, rotations: int) -> Pattern:
+    """The pattern of many nodes from those of `TEMPLATE` and of one more.
+
+    All nodes but those near the seam are alike, so that each array is a row of runs with a few numbers a node:
+    the entries of one kind, the unknowns' columns, the constraints', and each column of closure and gauge.
+    """
+    few = [replace(layout, segments=TEMPLATE + k) for k in (0, 1)]
+    pair = [pattern_of(_upper(each, rotations)) for each in few]
+    more, n = layout.segments - TEMPLATE, layout.segments
+    tail = layout.seam.closing + rotations
+    total = BLOCK * n + tail
+
+    def joined(arrays: list[IntArray], cuts: list[list[int]], *, compact: bool) -> IntArray:
+        """The arrays of both, cut into runs, for `n` nodes."""
+        kind = np.int32 if compact else np.int64
+        runs = zip(*(np.split(a.astype(kind), cut) for a, cut in zip(arrays, cuts, strict=True)), strict=True)
+        return np.concatenate([stretched(one, other, more, TEMPLATE) for one, other in runs])
+
+    def of_columns(pointers: list[NDArray[np.int32]]) -> list[list[int]]:
+        """Where the columns of unknowns and of constraints end, and each that comes after them."""
+        ends = [[7 * m, *range(BLOCK * m, BLOCK * m + tail)] for m in (TEMPLATE, TEMPLATE + 1)]
+        return [p[end].tolist() for p, end in zip(pointers, ends, strict=True)]
+
+    def pointer(pointers: list[NDArray[np.int32]]) -> NDArray[np.int32]:
+        cuts = [[7 * m, BLOCK * m] for m in (TEMPLATE, TEMPLATE + 1)]
+        return joined(list(pointers), cuts, compact=True).astype(np.int32, copy=False)
+
+    uppers, wholes = [p.upper for p in pair], [p.whole_matrix for p in pair]
+    above, beside = [u.indptr for u in uppers], [w.indptr for w in wholes]
+    kinds = [_kinds(each, rotations) for each in few]
+    slots = sum(kinds[0]) + more * (sum(kinds[1]) - sum(kinds[0]))
+    starts = [np.cumsum(sizes)[:-1].tolist() for sizes in kinds]
+    slot = joined([u.slot for u in uppers], starts, compact=slots > COMPACT_FROM)
+    rows = joined([u.indices for u in uppers], of_columns(above), compact=True)
+    upper = Scatter((total, total), pointer(above), rows, slot)
+    columns = joined([w.indices for w in wholes], of_columns(beside), compact=True)
+    sources = [p.whole_source for p in pair]
+    source = joined(sources, of_columns(beside), compact=columns.size > COMPACT_FROM)
+    return _empty_pattern(upper, pointer(beside), columns, source)
+
+
+def _kinds(layout: Layout, rotations: int) -> list[int]:
+    """How many entries of each kind there are, in their order."""
+    n, closing = layout.segments, layout.seam.closing
+    nodes = n + 1 if layout.seam.strip else n
+    local = hessian_places(layout.couplings)[0].size + JACOBIAN_ROWS.size
+    return [*[nodes] * local, closing * n, *[6 * n] * rotations, 7 * n, PER_NODE * n, closing + rotations]
 
 
 _kept_pattern = lru_cache(maxsize=64)(_built_pattern)
@@ -102,10 +161,16 @@ def pattern_of(upper: Scatter) -> Pattern:
     whole = below + above.tocsr()
     source = whole.data - 1
     source = source if source.size > COMPACT_FROM else source.astype(np.int64)
-    whole.data = _no_data(source.size)
-    empty = scipy.sparse.csc_matrix(
-        (_no_data(upper.indices.size), upper.indices, upper.indptr), shape=upper.shape
-    )
+    return _empty_pattern(upper, whole.indptr, whole.indices, source)
+
+
+def _empty_pattern(
+    upper: Scatter, indptr: NDArray[np.int32], indices: IntArray, source: IntArray
+) -> Pattern:
+    """The pattern with its empty matrices; `indptr` and `indices` are the whole matrix's."""
+    shape, diagonal = upper.shape, upper.indptr[1:].astype(np.int64) - 1
+    empty = scipy.sparse.csc_matrix((_no_data(upper.indices.size), upper.indices, upper.indptr), shape=shape)
+    whole = scipy.sparse.csr_matrix((_no_data(indices.size), indices, indptr), shape=shape)
     return Pattern(upper, diagonal, empty, whole, source)
 
 
