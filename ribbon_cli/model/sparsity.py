@@ -31,7 +31,7 @@ def _order(key: IntArray, before: IntArray | None, count: int) -> IntArray:
 
 
 def stretched(one: IntArray, other: IntArray, more: int, nodes: int) -> IntArray:
-    """A run of whole numbers for `nodes` + `more` nodes, from those for `nodes`, `one`, and one more, `other`.
+    """A run of whole numbers for `nodes` + `more` nodes, from `one` for `nodes` and `other` for one more.
 
     Away from both ends each node has as many numbers, w, which grow from node to node and with the number of
     nodes by the same steps; the run grows by w with a node. A run that does not grow may still change.

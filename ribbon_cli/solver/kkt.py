@@ -100,8 +100,8 @@ def _upper(layout: Layout, rotations: int) -> Scatter:
 def _stretched_pattern(layout: Layout, rotations: int) -> Pattern:
     """The pattern of many nodes from those of `TEMPLATE` and of one more.
 
-    All nodes but those near the seam are alike, so that each array is a row of runs with a few numbers a node:
-    the entries of one kind, the unknowns' columns, the constraints', and each column of closure and gauge.
+    All nodes but those near the seam are alike. So each array is a row of runs with a few numbers a node: the
+    entries of one kind, the unknowns' columns, the constraints', and each column of closure and gauge.
     """
     few = [replace(layout, segments=TEMPLATE + k) for k in (0, 1)]
     pair = [pattern_of(_upper(each, rotations)) for each in few]
@@ -164,9 +164,7 @@ def pattern_of(upper: Scatter) -> Pattern:
     return _empty_pattern(upper, whole.indptr, whole.indices, source)
 
 
-def _empty_pattern(
-    upper: Scatter, indptr: NDArray[np.int32], indices: IntArray, source: IntArray
-) -> Pattern:
+def _empty_pattern(upper: Scatter, indptr: NDArray[np.int32], indices: IntArray, source: IntArray) -> Pattern:
     """The pattern with its empty matrices; `indptr` and `indices` are the whole matrix's."""
     shape, diagonal = upper.shape, upper.indptr[1:].astype(np.int64) - 1
     empty = scipy.sparse.csc_matrix((_no_data(upper.indices.size), upper.indices, upper.indptr), shape=shape)
