@@ -76,7 +76,7 @@ class Factor:
         self._solver: qdldl.Solver | None = None
         self._found = False
         self._large = matrix.size > 7 * FINE
-        self.exact = exact
+        self.exact, self.stale = exact, False
         if exact:
             self._reduced()
             return
@@ -114,10 +114,24 @@ class Factor:
             self._found = bool(self._known.all())
         return self._known if self._found else None
 
-    def be_exact(self) -> None:
-        """From here on, solve and count by the block reduction."""
-        self.exact = True
+    def serving(self, matrix: KKTMatrix) -> Factor:
+        """The same factors for another matrix of the pattern and the scaling, at a place nearby.
+
+        Solutions are refined by that matrix, and the factors made anew where they are too far from it;
+        `surplus` is that of the matrix factored.
+        """
+        self.stale = matrix is not self.matrix
+        self.matrix = matrix
+        if not self.exact:
+            self._blocks = None
+            self._untried = [self._base] if self.stale else []
+        return self
+
+    def anew(self) -> Factor:
+        """Exact factors of the present matrix in place of those of another."""
+        self._blocks, self.stale = None, False
         self._reduced()
+        return self
 
     def counted(self, like: KKTMatrix | None = None) -> Inertia:
         """The count by block reduction, its roundoff measured against `like` as in `proves_at_most`."""
@@ -229,6 +243,12 @@ class Factor:
             if not self._untried:
                 break
             self._factor(self._untried.pop(0))
+        try:
+            return self._solve_by_blocks(rhs, size)
+        except FactorisationError:
+            if not self.stale:
+                raise
+        self.anew()
         return self._solve_by_blocks(rhs, size)
 
     def _refined(self, rhs: Array, size: float, backward: bool, goal: float) -> tuple[Array, float]:

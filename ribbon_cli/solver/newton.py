@@ -137,6 +137,7 @@ class _Search:
         self.problem = problem
         self.penalty = np.zeros(problem.rows)
         self._normal: tuple[Array, Factor] | None = None
+        self.kept: Factor | None = None  # of Newton's matrix, on fine grids
 
     def merit(self, energy: float, constraints: Array) -> float:
         return energy + float(self.penalty @ np.abs(constraints))
@@ -161,6 +162,7 @@ class _Search:
         """The normal factors of a point."""
         if self._normal is not None and self._normal[0] is point.x:
             return self._normal[1]
+        self.kept = None  # its memory, and its symbolic factorisation, serve again
         normal = _normal_factor(self.problem, point.x, point.local)
         self.keep(point.x, normal)
         return normal
@@ -260,7 +262,7 @@ class _Solve:
 
     def _step(self, point: Iterate, matrix: KKTMatrix) -> Iterate | None:
         """One accepted step towards a stationary point, or None."""
-        factor = Factor(matrix)
+        factor = self._factor(matrix)
         # An inexact Newton step, as accurate as quadratic convergence or the goal needs it.
         limit = max(RESIDUAL_LIMIT, 1e-3 * min(point.worst, 1.0), 0.1 * self.options.goal / point.worst)
         plain = newton_step(self.problem, point.local, point.multipliers, factor, limit)
@@ -269,14 +271,34 @@ class _Solve:
         following = self._meet_saddle(point, factor, plain)
         if following is None:
             if self.fine and factor.surplus:
-                factor.be_exact()  # regularised pivots count too many here, and do not know sliding
+                del factor
+                factor = self._exact(matrix)  # regularised pivots count too many here, and know no sliding
             found = direction(
                 self.problem, point.local, point.multipliers, factor, plain=plain, lowest=self.lowest
             )
+            del factor
             self.lowest = float(found.negative[0]) if found.index else 0.0
             self.surplus_seen = max(self.surplus_seen, found.index)
             following = self._advance(point, found)
         return following
+
+    def _factor(self, matrix: KKTMatrix) -> Factor:
+        """Factors for a step; on fine grids those of one before serve as long as solutions settle by them."""
+        if not self.fine:
+            return Factor(matrix)
+        kept = self.search.kept
+        self.search.kept = Factor(matrix) if kept is None else kept.serving(matrix)
+        return self.search.kept
+
+    def _exact(self, matrix: KKTMatrix) -> Factor:
+        """Exact factors of a fine grid, those of a point before if there are any. Regularised ones, which take
+        as much memory, go first."""
+        kept = self.search.kept
+        if kept is None or not kept.exact:
+            self.search.kept = kept = None
+            matrix.pattern.idle.clear()
+            self.search.kept = kept = Factor(matrix, exact=True)
+        return kept.serving(matrix)
 
     def _halved(self, point: Iterate, plain: tuple[Array, Array]) -> Iterate | None:
         """The next iterate of a converged point, if it has less than half the residuals: near roundoff no
@@ -319,14 +341,17 @@ class _Solve:
         a step on.
         """
         try:
-            factor = Factor(matrix, exact=True)
+            factor = self._exact(matrix)
             step, multipliers = newton_step(self.problem, point.local, point.multipliers, factor)
         except FactorisationError as error:
             return self._result(Status.UNDECIDED, point, detail=f"({error}.)"), None
         left = change(point.x, step)
         if left > NEAR_STEP or SETTLED < left < 0.5 * self.left:
             return self._unsettled(point, step, multipliers)
-        count = factor.counted(self._matrix_at(point.x + step, multipliers))
+        like = self._matrix_at(point.x + step, multipliers)
+        count = factor.counted(like)
+        if factor.stale and not count.trusted:
+            count = factor.anew().counted(like)
         if not count.trusted:
             return self._result(Status.UNDECIDED, point, detail=_doubt(count)), None
         if count.negative and len(self.saddles) < self.options.leave_saddles:
