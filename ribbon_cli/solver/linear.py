@@ -115,16 +115,13 @@ class Factor:
         return self._known if self._found else None
 
     def serving(self, matrix: KKTMatrix) -> Factor:
-        """The same factors for another matrix of the pattern and the scaling, at a place nearby.
+        """The same exact factors for another matrix of the pattern and the scaling, at a place nearby.
 
-        Solutions are refined by that matrix, and the factors made anew where they are too far from it;
-        `surplus` is that of the matrix factored.
+        Solutions are refined by that matrix, and the factors made anew where they are too far from it; the
+        count is that of the matrix factored.
         """
         self.stale = matrix is not self.matrix
         self.matrix = matrix
-        if not self.exact:
-            self._blocks = None
-            self._untried = [self._base] if self.stale else []
         return self
 
     def anew(self) -> Factor:

@@ -137,7 +137,7 @@ class _Search:
         self.problem = problem
         self.penalty = np.zeros(problem.rows)
         self._normal: tuple[Array, Factor] | None = None
-        self.kept: Factor | None = None  # of Newton's matrix, on fine grids
+        self.exact: Factor | None = None  # exact ones, which are kept on fine grids
 
     def merit(self, energy: float, constraints: Array) -> float:
         return energy + float(self.penalty @ np.abs(constraints))
@@ -162,7 +162,7 @@ class _Search:
         """The normal factors of a point."""
         if self._normal is not None and self._normal[0] is point.x:
             return self._normal[1]
-        self.kept = None  # its memory, and its symbolic factorisation, serve again
+        self.exact = None
         normal = _normal_factor(self.problem, point.x, point.local)
         self.keep(point.x, normal)
         return normal
@@ -243,7 +243,7 @@ class _Solve:
                 options.watch(self.steps, point.energy, point.worst)
             following: Iterate | None = None
             # On fine grids the goal may be out of reach, and the last steps are those of the judgement.
-            going = point.worst > options.goal and not (self.fine and self.left < np.inf)
+            going = point.worst > (options.tolerance if self.fine else options.goal)
             if going and self.steps < options.max_steps:
                 following = self._step(point, matrix)
                 if following is not None and following.worst > 0.5 * point.worst <= 0.5 * options.tolerance:
@@ -262,12 +262,10 @@ class _Solve:
 
     def _step(self, point: Iterate, matrix: KKTMatrix) -> Iterate | None:
         """One accepted step towards a stationary point, or None."""
-        factor = self._factor(matrix)
+        factor = self._regular(matrix)
         # An inexact Newton step, as accurate as quadratic convergence or the goal needs it.
         limit = max(RESIDUAL_LIMIT, 1e-3 * min(point.worst, 1.0), 0.1 * self.options.goal / point.worst)
         plain = newton_step(self.problem, point.local, point.multipliers, factor, limit)
-        if self.fine and point.worst <= self.options.tolerance:
-            return self._halved(point, plain)
         following = self._meet_saddle(point, factor, plain)
         if following is None:
             if self.fine and factor.surplus:
@@ -282,23 +280,17 @@ class _Solve:
             following = self._advance(point, found)
         return following
 
-    def _factor(self, matrix: KKTMatrix) -> Factor:
-        """Factors for a step; on fine grids those of one before serve as long as solutions settle by them."""
-        if not self.fine:
-            return Factor(matrix)
-        kept = self.search.kept
-        self.search.kept = Factor(matrix) if kept is None else kept.serving(matrix)
-        return self.search.kept
+    def _regular(self, matrix: KKTMatrix) -> Factor:
+        """Factors for a step; on fine grids no others are alive beside them."""
+        self.search.exact = None
+        return Factor(matrix)
 
     def _exact(self, matrix: KKTMatrix) -> Factor:
-        """Exact factors of a fine grid, those of a point before if there are any. Regularised ones, which take
-        as much memory, go first."""
-        kept = self.search.kept
-        if kept is None or not kept.exact:
-            self.search.kept = kept = None
-            matrix.pattern.idle.clear()
-            self.search.kept = kept = Factor(matrix, exact=True)
-        return kept.serving(matrix)
+        """Exact factors of a fine grid: those of a point before serve again, or there are new ones."""
+        if self.search.exact is None:
+            matrix.pattern.idle.clear()  # which take as much memory
+            self.search.exact = Factor(matrix, exact=True)
+        return self.search.exact.serving(matrix)
 
     def _halved(self, point: Iterate, plain: tuple[Array, Array]) -> Iterate | None:
         """The next iterate of a converged point, if it has less than half the residuals: near roundoff no
@@ -348,6 +340,10 @@ class _Solve:
         left = change(point.x, step)
         if left > NEAR_STEP or SETTLED < left < 0.5 * self.left:
             return self._unsettled(point, step, multipliers)
+        if point.worst > self.options.goal and self.steps < self.options.max_steps:
+            following = self._halved(point, (step, multipliers))
+            if following is not None:
+                return None, following
         like = self._matrix_at(point.x + step, multipliers)
         count = factor.counted(like)
         if factor.stale and not count.trusted:
