@@ -15,6 +15,7 @@ import numpy as np
 import qdldl
 import scipy
 from numpy.typing import NDArray
+from scipy.sparse._sparsetools import csr_matvec
 
 from ..model.band import Array, Band
 from ..model.constraints import PER_NODE
@@ -37,6 +38,7 @@ TEMPLATE = 20
 """Segments of the small grid from which patterns are stretched, of which half are clear of the seam."""
 DIRECTLY = 1000
 """Segments up to which stretching takes as long as sorting."""
+_ZERO = np.zeros(1)
 ROWS_AT_ONCE = 1 << 16
 """Rows of the matrix that are in extended precision at one time."""
 
@@ -94,6 +96,7 @@ def _upper(layout: Layout, rotations: int) -> Scatter:
         np.concatenate([r.ravel().astype(np.int32, copy=False) for r in rows]),
         np.concatenate([c.ravel().astype(np.int32, copy=False) for c in columns]),
         (total, total),
+        zeros=total,
     )
 
 
@@ -131,7 +134,7 @@ def _stretched_pattern(layout: Layout, rotations: int) -> Pattern:
     starts = [np.cumsum(sizes)[:-1].tolist() for sizes in kinds]
     slot = joined([u.slot for u in uppers], starts, compact=slots > COMPACT_FROM)
     rows = joined([u.indices for u in uppers], of_columns(above), compact=True)
-    upper = Scatter((total, total), pointer(above), rows, slot)
+    upper = Scatter((total, total), pointer(above), rows, slot, total)
     columns = joined([w.indices for w in wholes], of_columns(beside), compact=True)
     sources = [p.whole_source for p in pair]
     source = joined(sources, of_columns(beside), compact=columns.size > COMPACT_FROM)
@@ -179,7 +182,8 @@ def _no_data(size: int) -> Array:
 
 def _filled(like: scipy.sparse.spmatrix, data: Array) -> scipy.sparse.spmatrix:
     """A matrix of the same pattern, unchecked: scipy's constructors take longer than a product at N = 100."""
-    out = copy(like)
+    out = like.__class__.__new__(like.__class__)
+    out.__dict__.update(like.__dict__)
     out.data = data
     return out
 
@@ -255,21 +259,22 @@ class KKTMatrix:
         self.metric = self.scale[: self.size] ** 2
         values = np.concatenate(
             (
-                local.hessian_entries(),
-                local.jacobian_entries(),
+                local.entries.ravel(),
                 np.full(problem.closing * n, problem.band.h),
                 rotations.reshape(n, 7, self.gauge)[:, :6].reshape(6 * n, self.gauge).T.ravel(),
-                np.zeros(self.size + self.border),
+                _ZERO,
             )
         )
-        data = self.pattern.upper.data(values) * entry_scale
-        data[self.pattern.diagonal[: self.size][problem.fixed]] = 1.0
+        data = self.pattern.upper.data(values)
+        data *= entry_scale
+        if problem.any_fixed:
+            data[self.pattern.diagonal[: self.size][problem.fixed]] = 1.0
         self._fill(data)
 
     def _fill(self, data: Array) -> None:
         """Take the upper triangle's data, in CSC order."""
         self.upper = _filled(self.pattern.upper_matrix, data)
-        self.whole = _filled(self.pattern.whole_matrix, data[self.pattern.whole_source])
+        self.whole = _filled(self.pattern.whole_matrix, data.take(self.pattern.whole_source))
 
     @cached_property
     def node_blocks(self) -> NodeBlocks:
@@ -323,7 +328,11 @@ class KKTMatrix:
 
     def product(self, v: Array) -> Array:
         """Scaled K v, for v (n+m+r,) or (n+m+r, k)."""
-        out: Array = self.whole @ v
+        if v.ndim == 2:
+            return np.asarray(self.whole @ v)
+        whole, out = self.whole, np.zeros(v.size)
+        # What the line above ends with for a vector; on the way there is more to it than this at N = 100.
+        csr_matvec(v.size, v.size, whole.indptr, whole.indices, whole.data, v, out)
         return out
 
     def extended_product(self, v: Array) -> NDArray[np.longdouble]:
@@ -339,7 +348,8 @@ class KKTMatrix:
         """Upper triangle of K - shift (on x, Euclidean metric) - delta (on multipliers, scaled)."""
         data = self.upper.data.copy()
         diagonal = self.pattern.diagonal
-        data[diagonal[: self.size]] -= shift * self.metric
+        if shift:
+            data[diagonal[: self.size]] -= shift * self.metric
         data[diagonal[self.size :]] -= delta
         return _filled(self.upper, data)
 

@@ -7,6 +7,7 @@ outcome is a `Result`.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -121,13 +122,10 @@ def _doubt(count: Inertia) -> str:
 
 def change(x: Array, step: Array) -> float:
     """Size of a step (7N,): the largest change of a tangent, of a ruling over its length, or of xi/4."""
-    s, y = step.reshape(-1, 7), x.reshape(-1, 7)
-    squares, lengths = s * s, y[:, 3:6] * y[:, 3:6]
-    tangents = squares[:, 0] + squares[:, 1] + squares[:, 2]
-    rulings = (squares[:, 3] + squares[:, 4] + squares[:, 5]) / (
-        lengths[:, 0] + lengths[:, 1] + lengths[:, 2]
-    )
-    return float(np.sqrt(max(tangents.max(), rulings.max(), 0.0625 * squares[:, 6].max())))
+    s, y = (step * step).reshape(-1, 7), (x * x).reshape(-1, 7)
+    tangents = s[:, 0] + s[:, 1] + s[:, 2]
+    rulings = (s[:, 3] + s[:, 4] + s[:, 5]) / (y[:, 3] + y[:, 4] + y[:, 5])
+    return math.sqrt(max(tangents.max(), rulings.max(), 0.0625 * s[:, 6].max()))
 
 
 class _Search:
