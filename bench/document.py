@@ -60,7 +60,7 @@ def page(parts: list[Part], before: str = "") -> str:
 def _measured(part: Part) -> str:
     """A part with where it was measured, and its rules, under its first heading."""
     heading, _, rest = part.text.partition("\n\n")
-    where = f"Measured on a {machine()}, with {versions()}.\nOne thread for each contestant."
+    where = f"Measured on a {machine()}, with {versions()}."
     return f"{heading}\n\n{where}\n\n{required(part.rules)}\n\n{rest}"
 
 
@@ -163,8 +163,8 @@ def _whole(c: Comparison) -> str:
     own, guessed = ([getattr(r, f"{n}_verdict") for r in c.rows] for n in ("own", "guessed"))
     return f"""## The whole table
 
-{len(c.rows)} states from the ring twisted in 50 steps, not yet freed. All in one process, in turn; medians of
-{len(c.ours)} runs. *In its own way*: continuation in width
+{len(c.rows)} states from the ring twisted in 50 steps, not yet freed. One thread for each contestant, both
+in one process, in turn; medians of {len(c.ours)} runs. *In its own way*: continuation in width
 on the coarsest grid with multipliers, a failed step halved; facets split from level to level, tried with
 multipliers, then without, then from the width before. *From our guesses*: every state from the start that
 led us there, without multipliers; finding and making it counts for us and not for the peer.

@@ -5,10 +5,11 @@ Most tests lower the limits from which grids count as fine, so that coarse ones 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -193,6 +194,46 @@ def test_a_saddle_is_left_by_the_paths_of_fine_grids() -> None:
     found = solve(problem, start.vector())
     assert found.certified
     assert [met.index for met in found.saddles] == [1]
+
+
+@pytest.mark.usefixtures("fine")
+def test_a_level_takes_one_exact_reduction_and_one_symbolic_factorisation(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Also where the judgement takes a step; each serves the points after the one that it was made for."""
+    state = pi_band(100, THESIS).result.state
+    monkeypatch.setattr(newton, "SETTLED", 1e-9)
+    made = {"reductions": 0, "symbolic": 0, "judged": 0}
+
+    def counting(name: str, what: Callable[..., Any]) -> Callable[..., Any]:
+        def counted(*args: Any, **more: Any) -> Any:
+            made[name] += 1
+            return what(*args, **more)
+
+        return counted
+
+    monkeypatch.setattr(linear, "BlockReduction", counting("reductions", linear.BlockReduction))
+    monkeypatch.setattr(linear.qdldl, "Solver", counting("symbolic", linear.qdldl.Solver))
+    monkeypatch.setattr(newton._Solve, "_judge_fine", counting("judged", newton._Solve._judge_fine))
+    found = to_segments(state, 200, replace(Options(), tolerance=1e-6)).result
+    assert found.certified
+    assert made["judged"] > 1
+    assert (made["reductions"], made["symbolic"]) == (1, 1)
+
+
+@pytest.mark.usefixtures("fine")
+def test_exact_factors_of_another_place_are_made_anew_where_they_are_too_far() -> None:
+    """A saddle half a facet off has other solutions and another count."""
+    minimum, saddle = matrix_of(pi_band(100, THESIS)), matrix_of(pi_band(100, THESIS, Phase.NODE))
+    rhs = np.random.default_rng(2).standard_normal(minimum.size + minimum.border)
+    factor = Factor(saddle, exact=True)
+    assert not factor.serving(minimum).counted().trusted
+    assert factor.stale
+    np.testing.assert_allclose(
+        factor.solve(rhs), Factor(minimum, exact=True).solve(rhs), rtol=1e-6, atol=1e-9
+    )
+    assert not factor.stale
+    assert (factor.counted().negative, factor.counted().trusted) == (0, True)
 
 
 # --- starts ---

@@ -36,8 +36,9 @@ BACKWARD_GOAL = 1e-12
 BLOCK_REFINEMENTS = 2
 DIRECTIONS = 3
 ACCELERATED = 8
-"""Corrections over which a residual is made least on grids of more than `DELTA_GRID` segments, and how many
-are tried."""
+LONGER = 16
+"""Corrections over which a residual is made least on grids of more than `DELTA_GRID` segments, how many are
+tried, and how many on fine grids, where the block reduction takes as long as thirty."""
 EXTENDED_REFINEMENTS = 4
 FORWARD_LIMIT = 1e-6
 """Refinements with residuals in extended precision where the backward error is above its limit, and the last
@@ -274,7 +275,7 @@ class Factor:
         best, best_error = solution, float(np.abs(residual).max()) / size
         moves: list[Array] = []
         images: list[Array] = []
-        for _ in range(ACCELERATED):
+        for _ in range(LONGER if self._large else ACCELERATED):
             move = self._inverse(residual)
             image = self._product(move)
             for known, seen in zip(moves, images, strict=True):
