@@ -43,6 +43,10 @@ ROWS_AT_ONCE = 1 << 16
 """Rows of the matrix that are in extended precision at one time."""
 
 
+Places = list[tuple[IntArray, IntArray]]
+"""For each array of blocks the data that it takes, and where in it they go."""
+
+
 class FactorisationError(ArithmeticError):
     """The KKT matrix is singular or not finite."""
 
@@ -53,7 +57,7 @@ class Pattern:
 
     `diagonal` are the places of the diagonal in the upper triangle's data, which becomes the whole matrix's
     by data[whole_source]; the matrices are empty ones to fill. `idle` factorisations share this pattern's
-    symbolic one.
+    symbolic one. `chains` are places of nodes in a row by their first node and their number.
     """
 
     upper: Scatter
@@ -62,6 +66,7 @@ class Pattern:
     whole_matrix: scipy.sparse.csr_matrix
     whole_source: IntArray
     idle: list[qdldl.Solver] = field(default_factory=list)
+    chains: dict[tuple[int, int], list[Places]] = field(default_factory=dict)
 
 
 def _pattern(layout: Layout, rotations: int) -> Pattern:
@@ -390,33 +395,50 @@ def _blocks_between(
 ) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
     """The blocks of `NodeBlocks` for nodes `first` to `last` - 1, of a band with more than two."""
     whole, n, m = matrix.whole, matrix.size // 7, last - first
-    tail = BLOCK * n
-    width = matrix.size + matrix.border - tail
-    diagonal, coupling = np.zeros(m * BLOCK * BLOCK), np.zeros(m * BLOCK * BLOCK)
-    border = np.zeros(m * BLOCK * width)
-    for start, each, at in ((0, 7, 0), (matrix.size, PER_NODE, 7)):
-        pointer = whole.indptr[start + each * first : start + each * last + 1]
-        part = slice(pointer[0], pointer[-1])
-        columns, data = whole.indices[part], whole.data[part]
-        row = np.repeat(np.arange(each * m), np.diff(pointer))
-        owner, within = np.divmod(row, each)
-        line = BLOCK * owner + at + within  # the row among those of the nodes asked for
-        unknown = columns < matrix.size
-        number = np.where(unknown, columns, columns - matrix.size)
-        node, place = np.divmod(number, np.where(unknown, 7, PER_NODE))
-        place += np.where(unknown, 0, 7)
-        inside = columns < tail
-        here, ahead = inside & (node == owner + first), inside & (node == (owner + first + 1) % n)
-        diagonal[BLOCK * line[here] + place[here]] = data[here]
-        coupling[BLOCK * line[ahead] + place[ahead]] = data[ahead]
-        edge = ~inside
-        border[width * line[edge] + columns[edge] - tail] = data[edge]
+    width = matrix.size + matrix.border - BLOCK * n
+    # Chains of one length are alike but for those that meet the seam.
+    like = m if first > 0 and last < n and 2 * m < n else first
+    blocks = tuple(np.zeros(m * BLOCK * k) for k in (BLOCK, BLOCK, width))
+    known = matrix.pattern.chains
+    if (like, m) not in known:
+        known[like, m] = _chain_places(matrix.pattern, matrix.size, like, like + m)
+    for (start, each), found in zip(((0, 7), (matrix.size, PER_NODE)), known[like, m], strict=True):
+        data = whole.data[whole.indptr[start + each * first] :]
+        for block, (source, place) in zip(blocks, found, strict=True):
+            block[place] = data[source]
+    diagonal, coupling, border = blocks
     return (
         diagonal.reshape(m, BLOCK, BLOCK),
         coupling.reshape(m, BLOCK, BLOCK),
         border.reshape(m, BLOCK, width),
         np.any(matrix.fixed.reshape(n, 7)[first:last], axis=1),
     )
+
+
+def _chain_places(pattern: Pattern, size: int, first: int, last: int) -> list[Places]:
+    """Where the data of a chain's rows go, those of unknowns and those of constraints: for diagonal, coupling
+    and border the data counted from the first row on, and their flat places."""
+    whole, n, m = pattern.whole_matrix, size // 7, last - first
+    tail, width = BLOCK * n, whole.shape[0] - BLOCK * n
+    out: list[Places] = []
+    for start, each, at in ((0, 7, 0), (size, PER_NODE, 7)):
+        pointer = whole.indptr[start + each * first : start + each * last + 1]
+        columns = whole.indices[pointer[0] : pointer[-1]]
+        owner, within = np.divmod(np.repeat(np.arange(each * m), np.diff(pointer)), each)
+        line = BLOCK * owner + at + within  # the row among those of the nodes asked for
+        unknown = columns < size
+        number = np.where(unknown, columns, columns - size)
+        node, place = np.divmod(number, np.where(unknown, 7, PER_NODE))
+        place += np.where(unknown, 0, 7)
+        inside = columns < tail
+        places: Places = []
+        for here in (owner + first, (owner + first + 1) % n):
+            source = np.flatnonzero(inside & (node == here))
+            places.append((source, BLOCK * line[source] + place[source]))
+        source = np.flatnonzero(~inside)
+        places.append((source, width * line[source] + columns[source] - tail))
+        out.append(places)
+    return out
 
 
 def _node_blocks(matrix: KKTMatrix) -> NodeBlocks:
