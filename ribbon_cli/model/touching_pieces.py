@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .band import Array
-from .touching import EDGE, FACET, VERTEX, IntArray, Shape
+from .touching import EDGE, FACET, VERTEX, IntArray, Shape, cross
 from .touching_audit import segment_distance
 from .touching_barrier import sides_at
 from .touching_distances import nearer
@@ -157,7 +157,7 @@ def _parts(shape: Shape, edge: IntArray, facet: IntArray) -> tuple[Pairs, NDArra
 def _normals(shape: Shape, pairs: Pairs) -> Array:
     """The normals (k,3) of gaps; nearly zero where directions are nearly parallel."""
     six = vectors(shape, arguments(pairs))
-    c = np.cross(six[:, ONE], six[:, TWO])
+    c = cross(six[:, ONE], six[:, TWO])
     size = np.linalg.norm(c, axis=1)
     lengths = np.linalg.norm(six[:, ONE], axis=1) * np.linalg.norm(six[:, TWO], axis=1)
     out: Array = np.where((size > LEVEL * lengths)[:, None], c / np.maximum(size, 1e-300)[:, None], 0.0)

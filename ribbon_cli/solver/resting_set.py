@@ -21,7 +21,7 @@ from ..model.touching import Shape
 from ..model.touching_audit import Audit, Motion, audit
 from ..model.touching_barrier import candidates
 from ..model.touching_distances import Distances, nearer
-from ..model.touching_gaps import Pairs, arguments, gaps, vectors
+from ..model.touching_gaps import Pairs, gap_values
 from ..model.touching_sides import Sides
 from ..parts import HALF_WIDTH
 from .kkt import FactorisationError
@@ -349,8 +349,7 @@ def opened(guess: Guess, room: float) -> State:
             why = "the way to the start passes through itself"
         if motion.after.segments != shape.segments:
             break
-        what = arguments(met.pairs)
-        value = gaps(vectors(shape, what), what, met.pairs.sign, band.half_width).value
+        value = gap_values(shape, met.pairs)
         more = united(united(pairs, met.pairs.take(value < gap + 0.5 * room).unique()), close)
         if len(more) == len(pairs):
             break
