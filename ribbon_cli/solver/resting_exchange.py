@@ -129,10 +129,10 @@ class Exchange:
         pushes = forces > 0.0
         if len(working) == pushes.sum() and (value[~pushes] >= -SERVES * length).all():
             return possible.take(pushes), forces[pushes]
-        return _pushing_at(RestingProblem(self.band, possible, self.gap), x, own, forces)
+        return pushing_at(RestingProblem(self.band, possible, self.gap), x, own, forces)
 
 
-def _pushing_at(problem: RestingProblem, x: Array, own: Array, forces: Array) -> tuple[Pairs, Array]:
+def pushing_at(problem: RestingProblem, x: Array, own: Array, forces: Array) -> tuple[Pairs, Array]:
     """The problem's gaps that push in the quadratic problem at x, and their forces there.
 
     With p = p_0 + V f for forces f, V = K^-1 G^T, linearised gaps are q + M f with M = G V, and f >= 0

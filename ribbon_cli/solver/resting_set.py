@@ -10,6 +10,7 @@ motion to it are audited over all pairs, independently of all lists.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -22,6 +23,7 @@ from ..model.touching_audit import Audit, Motion, audit
 from ..model.touching_barrier import candidates
 from ..model.touching_distances import Distances, nearer
 from ..model.touching_gaps import Pairs, gap_values
+from ..model.touching_pieces import pieces
 from ..model.touching_sides import Sides
 from ..parts import HALF_WIDTH
 from .kkt import FactorisationError
@@ -31,7 +33,7 @@ from .prolongation import divided
 from .resting import RestingProblem, resting_rates
 from .resting_barrier import BarrierProblem
 from .resting_certificate import PULLS, certified
-from .resting_exchange import OFF, Exchange, GapLostError, NoRestError, off_features, pushing
+from .resting_exchange import OFF, Exchange, GapLostError, NoRestError, off_features, pushing, pushing_at
 from .resting_kkt import RestingDerivatives, kkt_matrix
 from .status import STATIONARY, Result, Status
 from .tracking import Way
@@ -41,6 +43,8 @@ DEPTH = 1e-10
 SLIP = 1e-4
 """Depth, as part of l, that sheets which slide on each other may have half-way between two shapes: their
 straight way cuts a curve short. What passes deeper has passed through."""
+MOST_WAYPOINTS = 3
+"""How often a way along which sheets slide is halved to see whether it passes through itself."""
 MOST_SADDLES = 3
 REACHES = (5e-4, 5e-5, 5e-6)
 """Reaches of the barrier, as parts of l, one after the other."""
@@ -183,24 +187,70 @@ def accepted(
 ) -> Rest:
     """The shape with its audit. Raises NoRestError if it, or the way to it from `before`, which may be on a
     coarser grid, is none to be accepted."""
+    if _pulls(problem, result):
+        problem, result = _shared_anew(problem, result)
     shape, length = Shape.of(result.state, problem.gap), problem.band.length
     forces = problem.split(result.multipliers)[1]
     if len(forces):
         off = float(off_features(shape, problem.pairs).max())
         if off > OFF:
             raise NoRestError(f"a place of contact is off its features by {off:.1e}")
-        if forces.min() < -PULLS * max(1.0, float(forces.max())):
+        if _pulls(problem, result):
             raise NoRestError(f"a force pulls, {forces.min():.1e}")
     found = audit(shape, problem.gap + DEPTH * length)
     if found.lacks(problem.gap) > DEPTH * length:
         raise GapLostError(f"features cross, or are nearer than the gap, by {found.lacks(problem.gap):.1e}")
-    motion = way_between(before, result.state, problem.gap)
-    met = motion.passages()
-    if len(met):
-        depth = motion.depth(met)
-        if depth > slip * length:
-            raise GapLostError(f"the way passes through itself, {depth:.1e} deep")
+    depth = _passed(before, result.state, problem.gap, slip)
+    if depth > slip * length:
+        raise GapLostError(f"the way passes through itself, {depth:.1e} deep")
     return Rest(problem, certified(problem, result, found), found, steps, changes)
+
+
+def _pulls(problem: RestingProblem, result: Result) -> bool:
+    forces = problem.split(result.multipliers)[1]
+    return bool(len(forces) and forces.min() < -PULLS * max(1.0, float(forces.max())))
+
+
+def _shared_anew(problem: RestingProblem, result: Result) -> tuple[RestingProblem, Result]:
+    """The shape with its forces shared out among all gaps that touch: where these depend on each other,
+    others than those that were kept may hold it without one that pulls. As it was where they do not."""
+    shape, gap = Shape.of(result.state, problem.gap), problem.gap
+    near = (
+        nearer(shape, gap + DEPTH * problem.band.length)
+        if gap
+        else audit(shape, DEPTH * problem.band.length).near
+    )
+    touching = united(problem.pairs, near if gap else pieces(shape, near.joined(problem.pairs)).pairs)
+    if len(touching) == len(problem.pairs):
+        return problem, result
+    own, forces = problem.split(result.multipliers)
+    known = np.concatenate((forces, np.zeros(len(touching) - len(forces))))
+    pairs, forces = pushing_at(RestingProblem(problem.band, touching, gap), result.x, own, known)
+    other = RestingProblem(problem.band, pairs, gap)
+    options = Options(leave_saddles=0, max_steps=MOST_TRACKED)
+    found = solve(other, result.x, np.concatenate((own, forces)), options)
+    return (other, found) if found.status in STATIONARY else (problem, result)
+
+
+def _passed(before: State, after: State, gap: float, slip: float, halvings: int = MOST_WAYPOINTS) -> float:
+    """How deep the way from one shape to another passes through itself.
+
+    Sheets that slide far on each other cut a curve short: of such a way the middle is opened, and both halves
+    are looked at.
+    """
+    motion = way_between(before, after, gap)
+    met = motion.passages()
+    depth, length = motion.depth(met) if len(met) else 0.0, after.band.length
+    if depth <= slip * length or not halvings or before.band.segments != after.band.segments:
+        return depth
+    band = Way.between(before.band, after.band).middle(before.band, after.band)
+    x, pairs = 0.5 * (before.vector() + after.vector()), met.pairs.unique()
+    try:
+        middle = opened(Guess(before, band, x, None, pairs, np.empty(0), gap, math.inf), slip * length)
+    except NoRestError:
+        return depth
+    first = _passed(before, middle, gap, slip, halvings - 1)
+    return first if first > slip * length else max(first, _passed(middle, after, gap, slip, halvings - 1))
 
 
 def found(rest: Rest, band: Band, by: float, along: Slopes | None, gap: float | None = None) -> Rest:
@@ -214,6 +264,12 @@ def found(rest: Rest, band: Band, by: float, along: Slopes | None, gap: float | 
     ways = [partial(exchanged, guess), partial(let_down, guess)]
     if gap == rest.gap and along is not None:
         ways.insert(1, partial(_in_halves, rest, band, by, along))
+    return _first_certified(ways)
+
+
+def _first_certified(ways: Iterable[Callable[[], Rest]]) -> Rest:
+    """The first certified end of several ways, else the first end. Raises the last NoRestError where no way
+    ends."""
     ends, why = [], NoRestError("")
     for way in ways:
         try:
@@ -268,24 +324,18 @@ class Guess:
 def exchanged(guess: Guess) -> Rest:
     """The shape at rest near a place, with gaps exchanged on the way: a certified minimum if there is one,
     first where sheets slip off each other, then held at corners. Raises NoRestError."""
-    shape, own = Shape.of(guess.before), guess.multipliers
+    held = (False,) if guess.gap else (False, True)
+    return _first_certified(partial(_exchanged, guess, corners) for corners in held)
+
+
+def _exchanged(guess: Guess, corners: bool) -> Rest:
+    """The same, with corners held or not."""
+    own = guess.multipliers
     assert own is not None
-    ends, why = [], NoRestError("")
-    for corners in (False,) if guess.gap else (False, True):
-        sides = Distances() if guess.gap else Sides(shape, guess.pairs, corners)
-        search = Exchange(guess.band, sides, FARTHEST, guess.gap)
-        try:
-            problem, result = search.rest(guess.x, own, guess.pairs, guess.forces)
-            end = accepted(guess.before, problem, result, SLIP, search.steps, ("exchange",))
-        except NoRestError as failure:
-            why = failure
-            continue
-        if end.result.certified:
-            return end
-        ends.append(end)
-    if not ends:
-        raise why
-    return ends[0]
+    sides = Distances() if guess.gap else Sides(Shape.of(guess.before), guess.pairs, corners)
+    search = Exchange(guess.band, sides, FARTHEST, guess.gap)
+    problem, result = search.rest(guess.x, own, guess.pairs, guess.forces)
+    return accepted(guess.before, problem, result, SLIP, search.steps, ("exchange",))
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
