@@ -6,17 +6,20 @@ import numpy as np
 import pytest
 from resting_support import resting
 
+from ribbon_cli.model.band import State
 from ribbon_cli.model.problem import Problem
-from ribbon_cli.model.touching import Shape
+from ribbon_cli.model.touching import EDGE, Shape
 from ribbon_cli.model.touching_audit import Motion, sweeps
 from ribbon_cli.model.touching_barrier import Surroundings, nearest
 from ribbon_cli.model.touching_distances import nearer
 from ribbon_cli.model.touching_gaps import Pairs, arguments, gap_values, gaps, vectors
+from ribbon_cli.model.touching_gaps import places as places_of
 from ribbon_cli.solver import resting_barrier, resting_kkt, saddle_free
 from ribbon_cli.solver.linear import Factor
 from ribbon_cli.solver.newton import Options, iterate_at, solve
 from ribbon_cli.solver.resting import RestingProblem
 from ribbon_cli.solver.resting_barrier import BarrierProblem
+from ribbon_cli.solver.resting_exchange import off_features
 from ribbon_cli.solver.resting_kkt import RestingDerivatives, kkt_matrix
 
 REACH = 5e-4
@@ -129,6 +132,19 @@ def test_values_alone_are_those_with_derivatives():
         assert (gap_values(shape, near) == whole).all()
         kinds |= set(what.pointed.tolist())
     assert kinds == {0, 1, 2}
+
+
+def test_places_on_a_side_of_no_length_are_infinitely_far_off():
+    """No overflow is reported, and they are on no feature."""
+    state, *_ = resting("pi-b1.65-N100")
+    xi = state.xi.copy()
+    xi[40] = 25.0
+    shape = Shape.of(State(state.band, state.u, state.g, xi))
+    side = np.array([[EDGE, 3 * 40 + 1]])
+    pairs = Pairs(np.array([[EDGE, 30]]), side, np.ones(1))
+    with np.errstate(over="raise"):
+        assert np.isinf(places_of(shape, pairs)[0, 2])
+        assert off_features(shape, pairs)[0] == np.inf
 
 
 def test_rows_of_many_gaps_are_those_of_each():
