@@ -7,6 +7,7 @@ from bisect import bisect_left, bisect_right, insort
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 from ..config import Config
 from ..digits import duration, memory
@@ -100,7 +101,7 @@ class Goal:
         """Whether a place is the goal, but for rounding."""
         return all(same_value(name, here[name] or 0.0, value, length) for name, value in self.to.items())
 
-    @property
+    @cached_property
     def name(self) -> str:
         """The stage that ends there, which is the key by which a run is resumed."""
         return self.stage or place_name(self.to, self.visit)
@@ -120,7 +121,8 @@ class Goal:
 
 def place_name(values: Mapping[str, float], visit: int = 1) -> str:
     """Parameters with their values, in the order of the table of parameters, as stages are named by them."""
-    told = (f"{row.symbol} = {values[name] + 0.0:.12g}" for name, row in PARAMETERS.items() if name in values)
+    names = values if len(values) == 1 else [name for name in PARAMETERS if name in values]
+    told = [f"{PARAMETERS[name].symbol} = {values[name] + 0.0:.12g}" for name in names]
     return ", ".join(told) + (f" (visit {visit})" if visit > 1 else "")
 
 
@@ -219,7 +221,9 @@ def level_notes(config: Config, stages: Sequence[PlannedStage]) -> tuple[str, ..
 
 def _stage(name: str, kind: str, place: Mapping[str, float], segments: int | None) -> PlannedStage:
     """A solve at a place; a parameter that is not a number is unknown."""
-    known = {parameter: value for parameter, value in place.items() if not math.isnan(value)}
+    known = place
+    if any(map(math.isnan, place.values())):
+        known = {parameter: value for parameter, value in place.items() if not math.isnan(value)}
     return PlannedStage(name, kind, known.get(HALF_WIDTH), segments, known)
 
 
