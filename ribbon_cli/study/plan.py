@@ -7,7 +7,6 @@ from bisect import bisect_left, bisect_right, insort
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 
 from ..config import Config
 from ..digits import duration, memory
@@ -101,7 +100,7 @@ class Goal:
         """Whether a place is the goal, but for rounding."""
         return all(same_value(name, here[name] or 0.0, value, length) for name, value in self.to.items())
 
-    @cached_property
+    @property
     def name(self) -> str:
         """The stage that ends there, which is the key by which a run is resumed."""
         return self.stage or place_name(self.to, self.visit)
