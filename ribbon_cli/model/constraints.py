@@ -118,11 +118,7 @@ def _crossed() -> NDArray[np.intp]:
     pairs = ((G, G1), (G1, U), (U, G))
     rows = ((first, second), (second, first))
     return np.concatenate(
-        [
-            np.concatenate([(a, b)[k].start + row[k] for a, b in pairs])
-            for row in rows
-            for k in (0, 1)
-        ]
+        [np.concatenate([(a, b)[k].start + row[k] for a, b in pairs]) for row in rows for k in (0, 1)]
     )
 
 

@@ -33,6 +33,26 @@ def _order(key: IntArray, before: IntArray | None, count: int) -> IntArray:
     return again if before is None else before[again]
 
 
+def stretched(one: IntArray, other: IntArray, more: int, nodes: int) -> IntArray:
+    """A run of whole numbers for `nodes` + `more` nodes, from `one` for `nodes` and `other` for one more.
+
+    Away from both ends each node has as many numbers, w, which grow from node to node and with the number of
+    nodes by the same steps; the run grows by w with a node. A run that does not grow may still change.
+    """
+    width = other.size - one.size
+    head = one.size - width * (nodes // 3)
+    out = np.empty(one.size + width * more, dtype=one.dtype)
+    first, last = out[:head], out[head + width * more :]
+    np.add(one[:head], more * (other[:head] - one[:head]), out=first)
+    np.add(one[head:], more * (other[head + width :] - one[head:]), out=last)
+    if width:
+        between = out[head : head + width * more].reshape(more, width)
+        step = first[-width:] - first[-2 * width : -width]
+        np.multiply(np.arange(1, more + 1, dtype=out.dtype)[:, None], step, out=between)
+        between += first[-width:]
+    return out
+
+
 @dataclass(frozen=True)
 class Scatter:
     """Sums entries given in a fixed order of (row, column) into a CSC matrix.
