@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from dense_reference import dense_direction
 from numeric_support import Array, assemble, load
 from spectral_support import Place, pi_band
 from test_saddle_free import problem_of
@@ -26,7 +27,6 @@ from ribbon_cli.model.stencil import Seam
 from ribbon_cli.model.term import Couplings
 from ribbon_cli.solver import continuation, inertia, kkt, linear, newton
 from ribbon_cli.solver.continuation import to_segments
-from ribbon_cli.solver.dense import dense_direction
 from ribbon_cli.solver.inertia import BlockReduction, count_below
 from ribbon_cli.solver.kkt import KKTMatrix
 from ribbon_cli.solver.linear import Factor

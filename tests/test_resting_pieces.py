@@ -13,7 +13,7 @@ from resting_support import resting
 from ribbon_cli.model.touching import Shape
 from ribbon_cli.model.touching_audit import audit, penetration
 from ribbon_cli.model.touching_gaps import Pairs, arguments, gaps, vectors
-from ribbon_cli.model.touching_pieces import Pieces, pieces
+from ribbon_cli.model.touching_pieces import Pieces, _both_sides, pieces
 from ribbon_cli.model.touching_sides import Sides
 from ribbon_cli.solver.newton import Options, solve
 from ribbon_cli.solver.resting import RestingProblem
@@ -46,7 +46,7 @@ class _Plane:
         return ("slips" if off > 1e-9 else ""), down @ self.columns
 
 
-def _judged(gradients, needed, *clauses):
+def _judged(gradients, needed, *clauses, nowhere=()):
     count = len(gradients)
     rows = np.tile(np.array([0, 0]), (count, 1))
     names = np.column_stack((np.full(count, 2), np.arange(count)))
@@ -55,7 +55,9 @@ def _judged(gradients, needed, *clauses):
         if tuple(-v for v in gradient) in last:
             names[k], sign[k] = names[last[tuple(-v for v in gradient)]], -1.0
         last[gradient] = k
-    local = Pieces(Pairs(rows, names, sign), tuple(frozenset(c) for c in clauses))
+    pairs = Pairs(rows, names, sign)
+    void = (*_both_sides(pairs), *(frozenset(v) for v in nowhere))
+    local = Pieces(pairs, tuple(frozenset(c) for c in clauses), void)
     return _on_all_pieces(_Plane(gradients, needed), local)
 
 
@@ -80,12 +82,20 @@ def test_no_shape_is_on_both_sides():
     assert _judged(gradients, (1.0, 1.0), {0}, {1}) == ("", 0)
 
 
+def test_no_shape_is_all_round_an_edge():
+    """Three gaps of which no shape has all positive leave no way out, however the last one is chosen."""
+    gradients = ((1.0, 0.0, 0.0), (-1.0, 1.0, 0.0), (-1.0, -1.0, 0.0), (0.0, 0.0, 1.0))
+    clauses, needed = ({0}, {1, 3}, {2, 3}), (0.0, 0.0, 1.0)
+    assert _judged(gradients, needed, *clauses)[0] == "slips"
+    assert _judged(gradients, needed, *clauses, nowhere=[{0, 1, 2}]) == ("", 2)
+
+
 def test_clauses_of_plain_contacts_are_the_gaps_kept():
     problem, _, local = _solved(PI)
     assert all(len(clause) == 1 for clause in local.clauses)
     kept = dict(zip(problem.pairs.names(), problem.pairs.sign, strict=True))
     assert dict(zip(local.pairs.names(), local.pairs.sign, strict=True)) == kept
-    assert not local.opposite
+    assert not local.void
 
 
 @pytest.mark.parametrize("name", [PI, THREE])
@@ -175,12 +185,12 @@ def test_a_minimum_at_corners():
 
 def _some_pieces(local: Pieces):
     """A few choices of a gap of each clause that keep no two features on both sides of each other."""
-    random, opposite = np.random.default_rng(3), local.opposite
+    random = np.random.default_rng(3)
     made = 0
     while made < 4:
         chosen: set[int] = set()
         for clause in local.clauses:
-            left = [k for k in sorted(clause) if opposite.get(k) not in chosen]
+            left = [k for k in sorted(clause) if not any(v <= chosen | {k} for v in local.void)]
             if not left:
                 break
             if not chosen & clause:

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, reduce
 from typing import Any
 
 import numpy as np
@@ -149,7 +149,12 @@ class Shape:
 
     def edge_ends(self, edges: IntArray) -> tuple[IntArray, IntArray]:
         """The vertices at both ends of edges: rulings from below to above, sides forwards."""
-        k, which = edges // 3, edges % 3
+        first, last = self._ends
+        return first[edges], last[edges]
+
+    @cached_property
+    def _ends(self) -> tuple[IntArray, IntArray]:
+        k, which = np.divmod(np.arange(3 * len(self.nodes)), 3)
         inside = np.minimum(k, self.segments - 1)
         low, high = 2 * k, 2 * k + 1
         corners = self.corner_numbers[inside]
@@ -193,10 +198,13 @@ class Shape:
 
     def flat_of_edges(self, edges: IntArray) -> Array:
         """Flat ends (k,2,2) of edges."""
-        k, which = edges // 3, edges % 3
-        inside = np.minimum(k, self.segments - 1)
-        corners = self.flat_corners[inside]
-        index = np.arange(len(edges))
+        return self._flat_ends[edges]
+
+    @cached_property
+    def _flat_ends(self) -> Array:
+        index = np.arange(3 * len(self.nodes))
+        k, which = np.divmod(index, 3)
+        corners = self.flat_corners[np.minimum(k, self.segments - 1)]
         beyond = k == self.segments  # the ruling at a strip's end
         first = np.where(which == 2, 1, 0)
         last = np.where(which == 0, 1, np.where(which == 1, 3, 2))
@@ -212,14 +220,35 @@ class Shape:
         """Distances (k,) on the strip of convex outlines (k,p,2) and (k,q,2), the shortest way round;
         infinite where they are seen to be more than `within`."""
         least = np.full(len(one), np.inf)
-        low, high = one[..., 0].min(axis=1), one[..., 0].max(axis=1)
+        low, high = box_of(one)
+        first, last = box_of(other)
         for turn in (-1, 0, 1) if self.closed else (0,):
-            along = other[..., 0] + turn * self.length
-            apart = np.maximum(along.min(axis=1) - high, low - along.max(axis=1))
+            shift = turn * self.length
+            apart = np.maximum(first[:, 0] + shift - high[:, 0], low[:, 0] - last[:, 0] - shift)
             at = np.flatnonzero(apart <= np.minimum(least, within))
-            moved = np.stack((along[at], (self.sigma if turn else 1) * other[at, :, 1]), axis=-1)
+            over = turn and self.sigma < 0
+            below, above = (-last[at, 1], -first[at, 1]) if over else (first[at, 1], last[at, 1])
+            beside = np.maximum(below - high[at, 1], low[at, 1] - above)
+            at = at[beside <= np.minimum(least[at], within)]
+            moved = other[at] + (shift, 0.0)
+            if over:
+                moved[..., 1] *= -1.0
             least[at] = np.minimum(least[at], _planar_distance(one[at], moved))
         return least
+
+
+def cross(v: Array, w: Array) -> Array:
+    """Vector products over the last axis; numpy's own turns axes about for longer than it multiplies."""
+    out = np.empty(np.broadcast_shapes(v.shape, w.shape))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        out[..., i] = v[..., j] * w[..., k] - v[..., k] * w[..., j]
+    return out
+
+
+def box_of(points: Array) -> tuple[Array, Array]:
+    """The lowest and the highest corner (k,d) of the boxes of points (k,p,d)."""
+    each = [points[:, k] for k in range(points.shape[1])]
+    return reduce(np.minimum, each), reduce(np.maximum, each)
 
 
 def _planar_distance(one: Array, other: Array) -> Array:
@@ -241,15 +270,21 @@ def _sides(outline: Array) -> tuple[Array, Array]:
 def _points_to_outline(points: Array, outline: Array) -> Array:
     """Least distances (k,) of points (k,p,2) to an outline, 0 for a point inside."""
     start, along = _sides(outline)
-    off = points[:, :, None] - start[:, None]
-    square = np.maximum((along * along).sum(-1), np.finfo(float).tiny)[:, None]
-    part = np.clip((off * along[:, None]).sum(-1) / square, 0.0, 1.0)
-    rest = off - part[..., None] * along[:, None]
-    out: Array = np.sqrt((rest * rest).sum(-1).min(axis=(1, 2)))
-    if outline.shape[1] > 2:
-        turn = along[:, None, :, 0] * off[..., 1] - along[:, None, :, 1] * off[..., 0]
-        inside: NDArray[np.bool_] = np.logical_or((turn >= 0).all(axis=2), (turn <= 0).all(axis=2))
-        out = np.where(inside.any(axis=1), 0.0, out)
+    least, within = np.full(len(points), np.inf), np.zeros(len(points), dtype=bool)
+    # Components one by one: arrays with a short last axis take several times as long.
+    for x, y in points.transpose(1, 2, 0):
+        left, right = np.ones(len(points), dtype=bool), np.ones(len(points), dtype=bool)
+        for (x0, y0), (dx, dy) in zip(start.transpose(1, 2, 0), along.transpose(1, 2, 0), strict=True):
+            off_x, off_y = x - x0, y - y0
+            square = np.maximum(dx * dx + dy * dy, np.finfo(float).tiny)
+            part = np.clip((off_x * dx + off_y * dy) / square, 0.0, 1.0)
+            rest_x, rest_y = off_x - part * dx, off_y - part * dy
+            least = np.minimum(least, rest_x * rest_x + rest_y * rest_y)
+            turn = dx * off_y - dy * off_x
+            left, right = left & (turn >= 0), right & (turn <= 0)
+        within |= left | right
+    inside = within & (outline.shape[1] > 2)
+    out: Array = np.where(inside, 0.0, np.sqrt(least))
     return out
 
 

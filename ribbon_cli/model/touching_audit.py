@@ -7,15 +7,16 @@ flat strip than the excluded distance do not count.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import pairwise
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .band import Array
 from .contact import near_facets
-from .touching import EDGE, FACET, VERTEX, IntArray, Shape
+from .touching import EDGE, FACET, VERTEX, IntArray, Shape, box_of, cross
 from .touching_gaps import Pairs
 
 BLOCK = 100_000
@@ -37,9 +38,15 @@ class Features:
     edge_edge: IntArray
 
     @classmethod
-    def of(cls, shapes: tuple[Shape, ...], i: IntArray, j: IntArray, within: float | None = None) -> Features:
-        """The features of pairs of facets that count in any of the shapes of one strip; those in boxes
-        farther apart than `within` in the first are left out."""
+    def of(
+        cls,
+        shapes: tuple[Shape, ...],
+        i: IntArray,
+        j: IntArray,
+        near: Callable[[Features], Features] | None = None,
+    ) -> Features:
+        """The features of pairs of facets that count in any of the shapes of one strip, of those that `near`
+        leaves."""
         shape = shapes[0]
         corners, edges = shape.corner_numbers, shape.edge_numbers
         one = np.stack((corners[i], np.broadcast_to(j[:, None], (len(j), 4))), axis=-1).reshape(-1, 2)
@@ -50,8 +57,9 @@ class Features:
         ee = _unique(np.stack((np.minimum(first, second), np.maximum(first, second)), axis=-1))
         slivers = np.all([s.slivers for s in shapes], axis=0)
         ee = ee[(ee[:, 0] != ee[:, 1]) & ~slivers[ee].any(axis=1)]
-        if within is not None:
-            vf, ee = vf[boxes_near(shape, vf, within)], ee[_edge_distances(shape, ee) <= within]
+        if near is not None:
+            kept = near(cls(vf, ee))
+            vf, ee = kept.vertex_facet, kept.edge_edge
         # What has a vertex in common is nowhere apart on the flat strip.
         vf = vf[(corners[vf[:, 1]] != vf[:, :1]).all(axis=1)]
         (first, last), (start, end) = (shape.edge_ends(ee[:, k]) for k in (0, 1))
@@ -60,23 +68,55 @@ class Features:
         return cls(vf, ee[_counts(shapes, Shape.flat_of_edges, Shape.flat_of_edges, ee)])
 
 
-def boxes_near(shape: Shape, vf: IntArray, within: float) -> NDArray[np.bool_]:
-    """Whether vertices are within a distance of facets' boxes, and of their planes."""
+def within_reach(shape: Shape, reach: float) -> Callable[[Features], Features]:
+    """What leaves out pairs that are farther apart in a shape: vertices from facets' boxes and planes."""
+
+    def near(features: Features) -> Features:
+        vf = features.vertex_facet
+        return Features(vf[boxes_near(shape, vf, reach)], edges_near(shape, features.edge_edge, reach))
+
+    return near
+
+
+def boxes_near(shape: Shape, vf: IntArray, within: float) -> IntArray:
+    """Which vertices (k,) are within a distance of facets' boxes, and of their planes."""
     points = shape.vertices
     outlines = points[shape.corner_numbers]
-    low, high, v = outlines.min(axis=1), outlines.max(axis=1), points[vf[:, 0]]
-    near = ((v >= low[vf[:, 1]] - within) & (v <= high[vf[:, 1]] + within)).all(axis=1)
-    at = np.flatnonzero(near)
-    near[at] = np.abs(_in_facet(shape, v[at], vf[at, 1])[2]) <= within
-    out: NDArray[np.bool_] = near
+    at = boxes_meet((points, points), box_of(outlines), vf, within)
+    vf = vf[at]
+    out: IntArray = at[np.abs(_in_facet(shape, points[vf[:, 0]], vf[:, 1])[2]) <= within]
     return out
+
+
+def edges_near(shape: Shape, ee: IntArray, within: float) -> IntArray:
+    """The pairs of edges (k,2) that are within a distance of each other."""
+    ends = shape.vertices[np.stack(shape.edge_ends(np.arange(3 * len(shape.nodes))), axis=1)]
+    boxes = box_of(ends)
+    ee = ee[boxes_meet(boxes, boxes, ee, within)]
+    return ee[_edge_distances(shape, ee) <= within]
+
+
+def boxes_meet(
+    one: tuple[Array, Array], other: tuple[Array, Array], pairs: IntArray, within: float = 0.0
+) -> IntArray:
+    """Which pairs (k,2) have boxes, given by their lowest and highest corners (n,3), that are nowhere farther
+    apart than `within` along an axis."""
+    at = np.arange(len(pairs))
+    a, b = pairs.T
+    for axis in range(3):
+        low, high, below, above = (box[:, axis] for box in (*one, *other))
+        keep = (low[a] <= above[b] + within) & (below[b] <= high[a] + within)
+        at, a, b = at[keep], a[keep], b[keep]
+    return at
 
 
 def _unique(pairs: IntArray) -> IntArray:
     """Sorted pairs (k,2), each once."""
     big = np.int64(1) << 31
-    key = np.unique(pairs[:, 0].astype(np.int64) * big + pairs[:, 1])
-    return np.stack((key // big, key % big), axis=-1)
+    key = np.sort(pairs[:, 0].astype(np.int64) * big + pairs[:, 1])
+    first = np.ones(len(key), dtype=bool)
+    first[1:] = key[1:] != key[:-1]
+    return np.stack(np.divmod(key[first], big), axis=-1)
 
 
 def _counts(shapes, first, second, pairs: IntArray) -> NDArray[np.bool_]:  # type: ignore[no-untyped-def]
@@ -145,7 +185,7 @@ def audit(shape: Shape, reach: float | None = None) -> Audit:
 def _audit(shape: Shape, reach: float) -> Audit:
     points = shape.vertices
     i, j = near_facets(corners_of(shape, points), np.zeros(shape.segments), reach)
-    features = Features.of((shape,), i, j)
+    features = Features.of((shape,), i, j, within_reach(shape, reach))
     heights, over = _over_facets(shape, features.vertex_facet)
     between = _edge_distances(shape, features.edge_edge)
     vf = np.flatnonzero(over & (np.abs(heights) <= reach))
@@ -204,10 +244,10 @@ def _beside_facets(shape: Shape, pairs: IntArray, reach: float) -> Array:
 def _in_facet(shape: Shape, points: Array, f: IntArray) -> tuple[Array, Array, Array]:
     """Coordinates of points (k,3) in facets: multiples of h u and of b g, and the height over u x g."""
     u, g, off = shape.u[f], shape.rulings[f], points - shape.nodes[f]
-    normal = np.cross(u, g)
+    normal = cross(u, g)
     square = (normal * normal).sum(axis=1)
-    along = (np.cross(off, g) * normal).sum(axis=1) / (square * shape.h)
-    across = (np.cross(u, off) * normal).sum(axis=1) / (square * shape.half_width)
+    along = (cross(off, g) * normal).sum(axis=1) / (square * shape.h)
+    across = (cross(u, off) * normal).sum(axis=1) / (square * shape.half_width)
     return along, across, (off * normal).sum(axis=1) / np.sqrt(square)
 
 
@@ -230,10 +270,10 @@ def segment_distance(p: Array, p1: Array, q: Array, q1: Array) -> Array:
     d, e, r = p1 - p, q1 - q, p - q
     dd, ee = (d * d).sum(1), (e * e).sum(1)
     de, dr, er = (d * e).sum(1), (d * r).sum(1), (e * r).sum(1)
-    normal = np.cross(d, e)
+    normal = cross(d, e)
     square = (normal * normal).sum(1)
     parallel = square <= 1e-24 * dd * ee
-    s = np.where(parallel, 0.0, (np.cross(e, r) * normal).sum(1) / np.where(parallel, 1.0, square))
+    s = np.where(parallel, 0.0, (cross(e, r) * normal).sum(1) / np.where(parallel, 1.0, square))
     s = np.clip(s, 0.0, 1.0)
     t = (de * s + er) / np.maximum(ee, tiny)
     inside = np.clip(t, 0.0, 1.0)
@@ -306,17 +346,15 @@ class Motion:
         No bound on the motion is assumed: the search for candidates has each facet's own motion for its
         slack.
         """
-        middle, half = 0.5 * (self._p + self._q), 0.5 * np.linalg.norm(self._q - self._p, axis=1)
-        slack = half[self.before.corner_numbers].max(axis=1)
-        i, j = near_facets(corners_of(self.before, middle), slack, 0.0)
-        return self._among(i, j)
+        return self._among(*_swept_facets(self.before, self._p, self._q))
 
     def passages_of_all_pairs(self) -> Passages:
         """The same over every pair of facets, without a search: for small N, and for tests."""
         return self._among(*np.triu_indices(self.before.segments, 1))
 
     def _among(self, i: IntArray, j: IntArray) -> Passages:
-        features = Features.of((self.before, self.after), i, j)
+        shapes = self.before, self.after
+        features = Features.of(shapes, i, j, partial(_swept_near, self.before, self._p, self._q))
         return _passages(self.before, self.after, self._p, self._q, features)
 
     def depth(self, met: Passages) -> float:
@@ -339,15 +377,16 @@ def _passages(before: Shape, after: Shape, p: Array, q: Array, features: Feature
     found: list[tuple[int, IntArray, Array, Array]] = []
     for start in range(0, len(features.vertex_facet), BLOCK):
         block = features.vertex_facet[start : start + BLOCK]
-        rim = corners[block[:, 1]]
-        for triangle in ((0, 1, 2), (0, 2, 3)):
-            four = np.column_stack((rim[:, triangle], block[:, 0]))
-            # The triangle's normal is along g x u, that of gaps along u x g.
-            found += [(FACET, block[k], t, -s) for k, t, s in _meetings(p, q, four, _in_triangle)]
+        rim, v = corners[block[:, 1]], block[:, 0]
+        four = np.vstack([np.column_stack((rim[:, three], v)) for three in ((0, 1, 2), (0, 2, 3))])
+        k, t, s = _meetings(p, q, four, _in_triangle)
+        # The triangle's normal is along g x u, that of gaps along u x g.
+        found.append((FACET, block[k % len(block)], t, -s))
     for start in range(0, len(features.edge_edge), BLOCK):
         block = features.edge_edge[start : start + BLOCK]
         four = np.column_stack((*before.edge_ends(block[:, 0]), *before.edge_ends(block[:, 1])))
-        found += [(EDGE, block[k], t, s) for k, t, s in _meetings(p, q, four, _in_both)]
+        k, t, s = _meetings(p, q, four, _in_both)
+        found.append((EDGE, block[k], t, s))
     facing = [f for f in found if f[0] == FACET]
     beside = [f for f in found if f[0] == EDGE]
     none = np.empty((0, 2), dtype=np.int64)
@@ -362,32 +401,56 @@ def _passages(before: Shape, after: Shape, p: Array, q: Array, features: Feature
     return Passages(pairs.take(order), when[order])
 
 
+def _swept_facets(shape: Shape, p: Array, q: Array) -> tuple[IntArray, IntArray]:
+    """Pairs of facets that may meet on the way from p to q."""
+    middle, half = 0.5 * (p + q), 0.5 * np.linalg.norm(q - p, axis=1)
+    slack = half[shape.corner_numbers].max(axis=1)
+    return near_facets(corners_of(shape, middle), slack, 0.0)
+
+
+def _swept_near(shape: Shape, p: Array, q: Array, features: Features) -> Features:
+    """The pairs whose boxes, of all of their way from p to q, meet."""
+    points = np.minimum(p, q), np.maximum(p, q)
+    first, last = shape.edge_ends(np.arange(3 * len(shape.nodes)))
+    edges = np.minimum(points[0][first], points[0][last]), np.maximum(points[1][first], points[1][last])
+    facets = box_of(points[0][shape.corner_numbers])[0], box_of(points[1][shape.corner_numbers])[1]
+    vf, ee = features.vertex_facet, features.edge_edge
+    return Features(vf[boxes_meet(points, facets, vf)], ee[boxes_meet(edges, edges, ee)])
+
+
 def meets(before: Shape, p: Array, q: Array, features: Features) -> bool:
     """Whether any of these features meet while vertices go from p to q."""
+    return len(_passages(before, before, p, q, _swept_near(before, p, q, features))) > 0
+
+
+def sweeps(before: Shape, after: Shape) -> bool:
+    """Whether any features meet on the straight way from one shape to another, over all pairs that count in
+    the first."""
+    p, q = before.vertices, after.vertices
+    swept = _swept_facets(before, p, q)
+    features = Features.of((before,), *swept, partial(_swept_near, before, p, q))
     return len(_passages(before, before, p, q, features)) > 0
 
 
-def _meetings(p: Array, q: Array, four: IntArray, inside):  # type: ignore[no-untyped-def]
+def _meetings(  # type: ignore[no-untyped-def]
+    p: Array, q: Array, four: IntArray, inside
+) -> tuple[IntArray, Array, Array]:
     """Of quadruples of vertices (k,4): which become coplanar with their features touching, when, and which
     way the volume goes then; once for each of three roots."""
-    a, d = p[four], q[four] - p[four]
     # Boxes of the whole motion first.
-    low, high = np.minimum(p[four], q[four]), np.maximum(p[four], q[four])
     count = 3 if inside is _in_triangle else 2
-    apart = (low[:, :count].min(1) > high[:, count:].max(1)) | (
-        high[:, :count].max(1) < low[:, count:].min(1)
-    )
-    kept = np.flatnonzero(~apart.any(axis=1))
-    a, d = a[kept], d[kept]
+    low, high = np.minimum(p, q), np.maximum(p, q)
+    (low_one, _), (_, high_one) = box_of(low[four[:, :count]]), box_of(high[four[:, :count]])
+    (low_two, _), (_, high_two) = box_of(low[four[:, count:]]), box_of(high[four[:, count:]])
+    rows = np.arange(len(four))
+    kept = boxes_meet((low_one, high_one), (low_two, high_two), np.column_stack((rows, rows)))
+    a, d = p[four[kept]], q[four[kept]] - p[four[kept]]
     coefficients = _volume(a, d)
-    for t in _roots(coefficients):
-        there = np.isfinite(t)
-        at = np.flatnonzero(there)
-        place = a[at] + t[at, None, None] * d[at]
-        good = at[inside(place)]
-        c = coefficients[good]
-        s = t[good]
-        yield kept[good], s, c[:, 1] + s * (2.0 * c[:, 2] + 3.0 * s * c[:, 3])
+    at, t = _roots(coefficients)
+    good = inside(a[at] + t[:, None, None] * d[at])
+    at, t = at[good], t[good]
+    c = coefficients[at]
+    return kept[at], t, c[:, 1] + t * (2.0 * c[:, 2] + 3.0 * t * c[:, 3])
 
 
 def _volume(a: Array, d: Array) -> Array:
@@ -396,44 +459,37 @@ def _volume(a: Array, d: Array) -> Array:
     out = np.zeros((len(a), 4))
     for mask in range(8):
         rows = [(f if mask >> k & 1 else e)[:, k] for k in range(3)]
-        out[:, mask.bit_count()] += (np.cross(rows[0], rows[1]) * rows[2]).sum(axis=1)
+        out[:, mask.bit_count()] += (cross(rows[0], rows[1]) * rows[2]).sum(axis=1)
     return out
 
 
-def _roots(c: Array) -> list[Array]:
-    """The roots in [0, 1] of cubics (k,4), ascending powers: one array (k,) for each of three, else nan.
+def _roots(c: Array) -> tuple[IntArray, Array]:
+    """The roots in [0, 1] of cubics (k,4), ascending powers: which cubic, and where, (m,) each.
 
     Between 0, the extrema and 1 a cubic is monotone: a change of sign there is halved down to rounding.
     """
-
-    def value(t: Array) -> Array:
-        out: Array = c[:, 0] + t * (c[:, 1] + t * (c[:, 2] + t * c[:, 3]))
-        return out
-
     a, b = 3.0 * c[:, 3], c[:, 2]
     square = b * b - a * c[:, 1]
     stop = -b - np.copysign(np.sqrt(np.maximum(square, 0.0)), b)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         turns = np.stack((stop / a, c[:, 1] / stop))
     turns = np.where(np.isfinite(turns) & (square > 0), np.clip(turns, 0.0, 1.0), 0.0)
-    turns.sort(axis=0)
-    cuts = (np.zeros(len(c)), turns[0], turns[1], np.ones(len(c)))
-    out = []
-    for low, high in pairwise(cuts):
-        at_low, at_high = value(low), value(high)
-        root = np.full(len(c), np.nan)
-        at = np.flatnonzero((at_low * at_high <= 0) & (high > low))
-        if at.size:
-            root[at] = _halved(c[at], low[at], high[at], at_low[at])
-        out.append(root)
+    cuts = np.vstack((np.zeros(len(c)), turns.min(axis=0), turns.max(axis=0), np.ones(len(c))))
+    values = _cubic(c, cuts)
+    part, at = np.nonzero((values[:-1] * values[1:] <= 0) & (cuts[1:] > cuts[:-1]))
+    return at, _halved(c[at], cuts[part, at], cuts[part + 1, at], values[part, at])
+
+
+def _cubic(c: Array, t: Array) -> Array:
+    """Cubics (k,4), ascending powers, at t (...,k)."""
+    out: Array = c[:, 0] + t * (c[:, 1] + t * (c[:, 2] + t * c[:, 3]))
     return out
 
 
 def _halved(c: Array, low: Array, high: Array, at_low: Array) -> Array:
     for _ in range(ROOT_STEPS):
         middle = 0.5 * (low + high)
-        value = c[:, 0] + middle * (c[:, 1] + middle * (c[:, 2] + middle * c[:, 3]))
-        same = value * at_low > 0
+        same = _cubic(c, middle) * at_low > 0
         low, high = np.where(same, middle, low), np.where(same, high, middle)
     out: Array = 0.5 * (low + high)
     return out
@@ -447,10 +503,10 @@ both."""
 def _in_triangle(x: Array) -> NDArray[np.bool_]:
     """Whether the fourth of coplanar points (k,4,3) is in the triangle of the others."""
     e, f, off = x[:, 1] - x[:, 0], x[:, 2] - x[:, 0], x[:, 3] - x[:, 0]
-    normal = np.cross(e, f)
+    normal = cross(e, f)
     square = np.maximum((normal * normal).sum(1), np.finfo(float).tiny)
-    first = (np.cross(off, f) * normal).sum(1) / square
-    second = (np.cross(e, off) * normal).sum(1) / square
+    first = (cross(off, f) * normal).sum(1) / square
+    second = (cross(e, off) * normal).sum(1) / square
     out: NDArray[np.bool_] = (first >= -MARGIN) & (second >= -MARGIN) & (first + second <= 1.0 + MARGIN)
     return out
 
@@ -458,10 +514,10 @@ def _in_triangle(x: Array) -> NDArray[np.bool_]:
 def _in_both(x: Array) -> NDArray[np.bool_]:
     """Whether coplanar segments x0 x1 and x2 x3 meet."""
     d, e, off = x[:, 1] - x[:, 0], x[:, 3] - x[:, 2], x[:, 2] - x[:, 0]
-    normal = np.cross(d, e)
+    normal = cross(d, e)
     square = np.maximum((normal * normal).sum(1), np.finfo(float).tiny)
-    s = (np.cross(off, e) * normal).sum(1) / square
-    t = (np.cross(off, d) * normal).sum(1) / square
+    s = (cross(off, e) * normal).sum(1) / square
+    t = (cross(off, d) * normal).sum(1) / square
     low, high = -MARGIN, 1.0 + MARGIN
     out: NDArray[np.bool_] = (s >= low) & (s <= high) & (t >= low) & (t <= high)
     return out

@@ -16,10 +16,12 @@ from numpy.typing import NDArray
 
 from .band import Array
 from .contact import near_facets
-from .touching import EDGE, FACET, VERTEX, IntArray, Shape
-from .touching_audit import Features, boxes_near, corners_of, meets
-from .touching_gaps import Pairs, arguments, gaps, places, vectors
+from .touching import EDGE, FACET, VERTEX, IntArray, Shape, box_of, cross
+from .touching_audit import Features, boxes_meet, boxes_near, corners_of, meets, sweeps, within_reach
+from .touching_gaps import Pairs, gap_values, places
 
+SHORT = 0.125
+"""Motion, as part of a long list's, that a short one allows of."""
 PARALLEL = 1e-9
 """Sine of an angle below which two edges are nearest at an end of one of them."""
 BESIDE = 0.1
@@ -44,24 +46,63 @@ class Neighbourhood:
     vertices: Array
     bound: float
     features: Features
-    shape: Shape
 
     @classmethod
     def of(cls, shape: Shape, reach: float, bound: float) -> Neighbourhood:
         """Collect them, over all pairs."""
         slack = np.full(shape.segments, bound)
         i, j = near_facets(corners_of(shape, shape.vertices), slack, reach)
-        features = Features.of((shape,), i, j, reach + 2.0 * bound)
-        return cls(shape.vertices, bound, features, shape)
+        features = Features.of((shape,), i, j, within_reach(shape, reach + 2.0 * bound))
+        return cls(shape.vertices, bound, features)
 
     def covers(self, shape: Shape) -> bool:
         """Whether a shape is within the bound on motion."""
-        moved = shape.vertices - self.vertices
-        return bool((moved * moved).sum(axis=1).max() <= self.bound**2)
+        return farthest(self.vertices, shape.vertices) <= self.bound
 
     def passes(self, before: Shape, after: Shape) -> bool:
         """Whether features meet while vertices move straight from one shape to another, both covered."""
         return meets(before, before.vertices, after.vertices, self.features)
+
+
+class Surroundings:
+    """Lists of neighbours within a reach of shapes that follow each other.
+
+    One is collected over all pairs, and serves while no vertex moves by more than `room`; a shorter one is
+    taken from it, for less motion.
+    """
+
+    def __init__(self, reach: float, room: float) -> None:
+        self.reach, self.room = reach, room
+        self.collected = 0
+        self._wide: Neighbourhood | None = None
+        self._short: Neighbourhood | None = None
+
+    def of(self, *shapes: Shape) -> Neighbourhood:
+        """A list that covers shapes."""
+        short, shape = self._short, shapes[0]
+        if short is not None and all(short.covers(each) for each in shapes):
+            return short
+        far = max(farthest(each.vertices, shape.vertices) for each in shapes)
+        bound = max(SHORT * self.room, 1.001 * far)
+        wide = self._wide
+        if wide is None or farthest(wide.vertices, shape.vertices) + bound > wide.bound:
+            wide = self._wide = Neighbourhood.of(shape, self.reach, max(self.room, bound))
+            self.collected += 1
+        features = within_reach(shape, self.reach + 2.0 * bound)(wide.features)
+        short = self._short = Neighbourhood(shape.vertices, bound, features)
+        return short
+
+    def passes(self, before: Shape, after: Shape) -> bool:
+        """Whether features meet while vertices move straight from one shape to another."""
+        if farthest(before.vertices, after.vertices) > self.room:
+            return sweeps(before, after)
+        return self.of(before, after).passes(before, after)
+
+
+def farthest(one: Array, other: Array) -> float:
+    """The longest way of a vertex from one shape to another."""
+    moved = other - one
+    return float(np.sqrt((moved * moved).sum(axis=1).max()))
 
 
 def nearest(shape: Shape, features: Features, reach: float) -> Pairs:
@@ -71,21 +112,14 @@ def nearest(shape: Shape, features: Features, reach: float) -> Pairs:
     points = shape.vertices
     vf = vf[boxes_near(shape, vf, reach)]
     ends = np.stack(shape.edge_ends(np.arange(3 * len(shape.nodes))), axis=1)
-    low, high = _boxes(points[ends])
-    a, b = ee[:, 0], ee[:, 1]
-    close = ((low[a] <= high[b] + reach) & (low[b] <= high[a] + reach)).all(axis=1)
-    ee = ee[close]
+    boxes = box_of(points[ends])
+    ee = ee[boxes_meet(boxes, boxes, ee, reach)]
     found = _of_facets(shape, vf).joined(_of_edges(shape, ee, ends))
     if not len(found):
         return found
-    what = arguments(found)
-    value = gaps(vectors(shape, what), what, found.sign, shape.half_width).value
+    value = gap_values(shape, found)
     found = Pairs(found.first, found.second, np.where(value < 0, -1.0, 1.0))
     return found.take(np.abs(value) < reach)
-
-
-def _boxes(points: Array) -> tuple[Array, Array]:
-    return points.min(axis=1), points.max(axis=1)
 
 
 def _typed(kinds: tuple[int, int], first: IntArray, second: IntArray) -> Pairs:
@@ -119,7 +153,7 @@ def _of_edges(shape: Shape, ee: IntArray, ends: IntArray) -> Pairs:
     inside: NDArray[np.bool_] = np.all(np.maximum(-at, at - 1.0) <= 0.0, axis=1)
     first, last = (shape.vertices[ends[:, k]] for k in (0, 1))
     along = (last - first) / np.maximum(np.linalg.norm(last - first, axis=1), np.finfo(float).tiny)[:, None]
-    inside &= np.linalg.norm(np.cross(along[ee[:, 0]], along[ee[:, 1]]), axis=1) > PARALLEL
+    inside &= np.linalg.norm(cross(along[ee[:, 0]], along[ee[:, 1]]), axis=1) > PARALLEL
     outside = ee[~inside]
     a, b = outside[:, 0], outside[:, 1]
     v = np.column_stack((ends[a], ends[b])).ravel()
@@ -175,8 +209,7 @@ def candidates(shape: Shape, near: Pairs, forces: Array, gap: float = 0.0) -> tu
     names = sorted(found)
     table = np.array(names, dtype=np.int64)
     pairs = Pairs(table[:, :2], table[:, 2:], np.ones(len(table)))
-    what = arguments(pairs)
-    value = gaps(vectors(shape, what), what, pairs.sign, shape.half_width).value
+    value = gap_values(shape, pairs)
     signed = Pairs(pairs.first, pairs.second, np.where(value < 0, -1.0, 1.0))
     return signed, np.array([found[name] for name in names])
 
@@ -214,7 +247,7 @@ def _at_edge(shape: Shape, vertex: int, edge: int) -> list[tuple[int, int, int, 
     if before < 0 or k >= shape.segments:
         return crossing
     facing = [(VERTEX, vertex, FACET, before), (VERTEX, vertex, FACET, k)]
-    normal = np.cross(shape.u[before], shape.rulings[before])
+    normal = cross(shape.u[before], shape.rulings[before])
     side = np.sign((shape.vertices[vertex] - shape.nodes[k]) @ normal)
     if (
         before == shape.segments - 1

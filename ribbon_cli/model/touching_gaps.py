@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .band import Array
-from .touching import EDGE, FACET, VERTEX, IntArray, Shape
+from .touching import EDGE, FACET, VERTEX, IntArray, Shape, cross
 
 
 @dataclass(frozen=True)
@@ -129,10 +129,11 @@ def arguments(pairs: Pairs) -> Arguments:
 
 def vectors(shape: Shape, what: Arguments) -> Array:
     """The six vectors (k,6,3) of each gap in a shape."""
-    out = np.empty((*what.kind.shape, 3))
-    for kind, values in ((NODE, shape.nodes), (RULING, shape.rulings), (TANGENT, shape.u)):
-        chosen = what.kind == kind
-        out[chosen] = values[np.minimum(what.number[chosen], len(values) - 1)]
+    tables = (shape.nodes, shape.rulings, shape.u)
+    size = np.array([len(table) for table in tables])
+    first = np.concatenate(([0], np.cumsum(size)[:-1]))
+    at = first[what.kind] + np.minimum(what.number, size[what.kind] - 1)
+    out: Array = np.concatenate(tables)[at]
     return out
 
 
@@ -149,12 +150,34 @@ class Gaps:
     rate_second: Array
 
 
+def gap_values(shape: Shape, pairs: Pairs) -> Array:
+    """Gaps (k,) alone, the same to the last digit as `gaps` has them."""
+    what = arguments(pairs)
+    six = vectors(shape, what)
+    offset, p, q = _offset(six, what, shape.half_width), six[:, ONE], six[:, TWO]
+    value = np.zeros(len(pairs))
+    for kind, function in ((2, _height), (1, _off_line), (0, _apart)):
+        chosen = what.pointed == kind
+        if chosen.all():
+            return pairs.sign * function(offset, p, q)
+        if chosen.any():
+            value[chosen] = function(offset[chosen], p[chosen], q[chosen])
+    return pairs.sign * value
+
+
+def _offset(six: Array, what: Arguments, half_width: float) -> Array:
+    """D (k,3) = r + lean b g - r' - lean' b g'."""
+    lean_first, lean_second = what.reach[:, 0], what.reach[:, 1]
+    arm = lean_first[:, None] * six[:, G_FIRST] - lean_second[:, None] * six[:, G_SECOND]
+    out: Array = six[:, R_FIRST] - six[:, R_SECOND] + half_width * arm
+    return out
+
+
 def gaps(six: Array, what: Arguments, sign: Array, half_width: float) -> Gaps:
     """Gaps and derivatives at vectors (k,6,3)."""
     count, b = len(sign), half_width
     lean_first, lean_second = what.reach[:, 0], what.reach[:, 1]
-    offset = six[:, R_FIRST] - six[:, R_SECOND]
-    offset = offset + b * (lean_first[:, None] * six[:, G_FIRST] - lean_second[:, None] * six[:, G_SECOND])
+    offset = _offset(six, what, b)
     value, first, second = _of_offset(offset, six[:, ONE], six[:, TWO], what.pointed)
     value, first, second = sign * value, sign[:, None] * first, sign[:, None, None] * second
     # From (D, p, q) to the six vectors: D = r + lean b g - r' - lean' b g'.
@@ -202,17 +225,28 @@ def _outer(v: Array, w: Array) -> Array:
     return out
 
 
+def _normal(p: Array, q: Array) -> tuple[Array, Array]:
+    """n (k,3) and |c| (k,1)."""
+    c = cross(p, q)
+    size = np.maximum(np.linalg.norm(c, axis=1), np.finfo(float).tiny)[:, None]
+    return c / size, size
+
+
+def _height(d: Array, p: Array, q: Array) -> Array:
+    """T alone."""
+    out: Array = (d * _normal(p, q)[0]).sum(axis=1)
+    return out
+
+
 def _signed(d: Array, p: Array, q: Array) -> tuple[Array, Array, Array]:
     """T and its derivatives."""
-    c = np.cross(p, q)
-    size = np.maximum(np.linalg.norm(c, axis=1), np.finfo(float).tiny)[:, None]
-    n = c / size
+    n, size = _normal(p, q)
     value = (d * n).sum(axis=1)
     w = (d - value[:, None] * n) / size
     across = (np.eye(3) - _outer(n, n)) / size[:, :, None]
     bend = -(_outer(n, w) + _outer(w, n)) / size[:, :, None] - (value[:, None] / size)[:, :, None] * across
     by_p, by_q = -_skew(q), _skew(p)
-    first = np.concatenate((n, np.cross(q, w), np.cross(w, p)), axis=1)
+    first = np.concatenate((n, cross(q, w), cross(w, p)), axis=1)
     second = np.zeros((len(d), 9, 9))
     second[:, :3, 3:6], second[:, :3, 6:] = across @ by_p, across @ by_q
     turned_p, turned_q = np.swapaxes(by_p, 1, 2), np.swapaxes(by_q, 1, 2)
@@ -229,13 +263,22 @@ def _symmetric(second: Array) -> Array:
     return second
 
 
-def _to_line(d: Array, p: Array, q: Array) -> tuple[Array, Array, Array]:
-    """The distance of a point from the line along q."""
-    del p
+def _from_line(d: Array, q: Array) -> tuple[Array, Array, Array]:
+    """Of a point and the line along q: what is across (k,3), which part of q is along, q.q (k,1)."""
     square = (q * q).sum(axis=1)[:, None]
     part = (d * q).sum(axis=1)[:, None] / square
-    rest = d - part * q
-    value = np.maximum(np.linalg.norm(rest, axis=1), np.finfo(float).tiny)
+    return d - part * q, part, square
+
+
+def _off_line(d: Array, p: Array, q: Array) -> Array:
+    """The distance of a point from the line along q, alone."""
+    return _apart(_from_line(d, q)[0], p, q)
+
+
+def _to_line(d: Array, p: Array, q: Array) -> tuple[Array, Array, Array]:
+    """The distance of a point from the line along q."""
+    rest, part, square = _from_line(d, q)
+    value = _apart(rest, p, q)
     n = rest / value[:, None]
     first = np.zeros((len(d), 9))
     first[:, :3], first[:, 6:] = n, -part * n
@@ -255,10 +298,16 @@ def _to_line(d: Array, p: Array, q: Array) -> tuple[Array, Array, Array]:
     return value, first, _symmetric(second)
 
 
+def _apart(d: Array, p: Array, q: Array) -> Array:
+    """The length of D, alone."""
+    del p, q
+    out: Array = np.maximum(np.linalg.norm(d, axis=1), np.finfo(float).tiny)
+    return out
+
+
 def _to_point(d: Array, p: Array, q: Array) -> tuple[Array, Array, Array]:
     """The length of D."""
-    del p, q
-    value = np.maximum(np.linalg.norm(d, axis=1), np.finfo(float).tiny)
+    value = _apart(d, p, q)
     n = d / value[:, None]
     first, second = np.zeros((len(d), 9)), np.zeros((len(d), 9, 9))
     first[:, :3] = n
@@ -283,19 +332,20 @@ def places(shape: Shape, pairs: Pairs) -> Array:
     )
     facing = pairs.second[:, 0] == FACET
     p, q = six[:, ONE], six[:, TWO]
-    c = np.cross(p, q)
+    c = cross(p, q)
     square = np.maximum((c * c).sum(axis=1), np.finfo(float).tiny)
     d = first - second
     if facing.any():
         facet = pairs.second[facing, 1]
-        along = (np.cross(d, q) * c).sum(axis=1)[facing] / square[facing]
-        across = (np.cross(p, d) * c).sum(axis=1)[facing] / (square[facing] * b)
+        along = (cross(d, q) * c).sum(axis=1)[facing] / square[facing]
+        across = (cross(p, d) * c).sum(axis=1)[facing] / (square[facing] * b)
         far = shape.h * np.maximum(1.0 + across * np.tanh(shape.xi[facet]), np.finfo(float).tiny)
-        out[facing, 2], out[facing, 3] = along / far, 0.5 * (across + 1.0)
+        with np.errstate(over="ignore"):  # at a tip of no width a place is infinitely far off
+            out[facing, 2], out[facing, 3] = along / far, 0.5 * (across + 1.0)
     crossing = (pairs.first[:, 0] == EDGE) & (pairs.second[:, 0] == EDGE)
     if crossing.any():
-        on_first = -(np.cross(d, q) * c).sum(axis=1) / square
-        on_second = -(np.cross(d, p) * c).sum(axis=1) / square
+        on_first = -(cross(d, q) * c).sum(axis=1) / square
+        on_second = -(cross(d, p) * c).sum(axis=1) / square
         out[crossing, 0] = _part(shape, pairs.first[crossing, 1], on_first[crossing])
         out[crossing, 2] = _part(shape, pairs.second[crossing, 1], on_second[crossing])
     beside = (pairs.first[:, 0] == VERTEX) & (pairs.second[:, 0] == EDGE)
@@ -310,5 +360,6 @@ def _part(shape: Shape, edges: IntArray, along: Array) -> Array:
     k, which = np.minimum(edges // 3, shape.segments - 1), edges % 3
     rise = np.tanh(shape.xi[k])
     side = shape.h * np.maximum(np.where(which == 1, 1.0 - rise, 1.0 + rise), np.finfo(float).tiny)
-    out: Array = np.where(which == 0, 0.5 * (along / shape.half_width + 1.0), along / side)
+    with np.errstate(over="ignore"):  # on a side of no length a place is infinitely far off
+        out: Array = np.where(which == 0, 0.5 * (along / shape.half_width + 1.0), along / side)
     return out

@@ -14,12 +14,13 @@ less: a minimum among them is one among the shapes that do not cross.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .band import Array
-from .touching import EDGE, FACET, VERTEX, IntArray, Shape
+from .touching import EDGE, FACET, VERTEX, IntArray, Shape, cross
 from .touching_audit import segment_distance
 from .touching_barrier import sides_at
 from .touching_distances import nearer
@@ -49,17 +50,14 @@ which edges may be parallel: of these no clause is made."""
 @dataclass(frozen=True)
 class Pieces:
     """Gaps of what touches, with the signs of the sides on which features are, and clauses: of the gaps of
-    each at least one is not negative in shapes nearby that do not cross."""
+    each at least one is not negative in shapes nearby that do not cross.
+
+    No shape nearby has all gaps positive of a set that is `void`.
+    """
 
     pairs: Pairs
     clauses: tuple[frozenset[int], ...]
-
-    @property
-    def opposite(self) -> dict[int, int]:
-        """Of gaps that are listed with both signs, the one with the other sign."""
-        keys = list(zip(self.pairs.names(), self.pairs.sign.tolist(), strict=True))
-        at = {key: k for k, key in enumerate(keys)}
-        return {k: at[name, -sign] for k, (name, sign) in enumerate(keys) if (name, -sign) in at}
+    void: tuple[frozenset[int], ...] = ()
 
 
 def pieces(shape: Shape, near: Pairs) -> Pieces:
@@ -81,7 +79,8 @@ def pieces(shape: Shape, near: Pairs) -> Pieces:
                 kept.append(row)
         clauses[frozenset(known[names[row], float(side[row])] for row in rows.tolist())] = None
     pairs = every.take(np.array(kept, dtype=np.int64))
-    return Pieces(Pairs(pairs.first, pairs.second, side[kept]), tuple(clauses))
+    pairs = Pairs(pairs.first, pairs.second, side[kept])
+    return Pieces(pairs, tuple(clauses), (*_both_sides(pairs), *_all_round(shape, pairs)))
 
 
 def at_distance(shape: Shape, kept: Pairs, gap: float) -> Pieces:
@@ -123,6 +122,54 @@ def _leads_away(shape: Shape, vertex: int, apart: Array) -> float:
     return float(out.min())
 
 
+def _both_sides(pairs: Pairs) -> list[frozenset[int]]:
+    """Gaps that are listed with both signs."""
+    keys = list(zip(pairs.names(), pairs.sign.tolist(), strict=True))
+    at = {key: k for k, key in enumerate(keys)}
+    return [frozenset((k, at[n, -1.0])) for k, (n, sign) in enumerate(keys) if sign > 0 and (n, -1.0) in at]
+
+
+def _all_round(shape: Shape, pairs: Pairs) -> list[frozenset[int]]:
+    """Threes of gaps of one edge with what meets at a vertex on it that are nowhere all positive.
+
+    Such gaps are D.n with one D from the edge's line to the vertex, and normals n off the line, so that only
+    two components of D count. Where 0 is inside the triangle of three normals no D has all three positive,
+    and it is so in shapes nearby as well.
+    """
+    around, found = _at_vertices_on_edges(shape, pairs), set()
+    normal = pairs.sign[:, None] * _normals(shape, pairs)
+    for (edge, _), rows in around.items():
+        first = (pairs.first[rows] == (EDGE, edge)).all(axis=1)
+        n = np.where(first, -1.0, 1.0)[:, None] * normal[rows]
+        plane = np.linalg.svd(n)[2]
+        angle = np.arctan2(n @ plane[1], n @ plane[0])
+        level = np.abs(n @ plane[2]) > LEVEL
+        for three in combinations(np.flatnonzero(~level).tolist(), 3):
+            low, middle, high = np.sort(angle[list(three)])
+            if max(middle - low, high - middle, 2.0 * np.pi - (high - low)) < np.pi - LEVEL:
+                found.add(frozenset(rows[k] for k in three))
+    return sorted(found, key=sorted)
+
+
+def _at_vertices_on_edges(shape: Shape, pairs: Pairs) -> dict[tuple[int, int], list[int]]:
+    """Of edges and vertices that lie on them: the gaps, three or more, of the edge with edges that end at the
+    vertex, and of the vertex with facets beside the edge."""
+    found: dict[tuple[int, int], list[int]] = {}
+    first, last = shape.edge_ends(np.arange(3 * len(shape.nodes)))
+    for k, (kind, one, _, other) in enumerate(pairs.names()):
+        if kind == VERTEX:
+            at = [(edge, one) for edge in shape.edge_numbers[other].tolist()]
+        else:
+            ends = [(one, first[other]), (one, last[other]), (other, first[one]), (other, last[one])]
+            at = [(edge, int(end)) for edge, end in ends]
+        for key in at:
+            found.setdefault(key, []).append(k)
+    edge, vertex = np.array([key for key, rows in found.items() if len(rows) > 2], np.int64).reshape(-1, 2).T
+    v, p, q = (shape.vertices[at] for at in (vertex, first[edge], last[edge]))
+    near = segment_distance(v, v, p, q) <= TOUCHES * shape.length
+    return {(int(e), int(v)): found[e, v] for e, v in zip(edge[near], vertex[near], strict=True)}
+
+
 def _parts(shape: Shape, edge: IntArray, facet: IntArray) -> tuple[Pairs, NDArray[np.bool_], Array]:
     """Of edges with facets (k,): the gaps of ends with facets (2k), and of edges with sides (4k), whether
     each touches (6k,), and the signs that keep the edge off the rest of the facet, 0 where that is level."""
@@ -157,7 +204,7 @@ def _parts(shape: Shape, edge: IntArray, facet: IntArray) -> tuple[Pairs, NDArra
 def _normals(shape: Shape, pairs: Pairs) -> Array:
     """The normals (k,3) of gaps; nearly zero where directions are nearly parallel."""
     six = vectors(shape, arguments(pairs))
-    c = np.cross(six[:, ONE], six[:, TWO])
+    c = cross(six[:, ONE], six[:, TWO])
     size = np.linalg.norm(c, axis=1)
     lengths = np.linalg.norm(six[:, ONE], axis=1) * np.linalg.norm(six[:, TWO], axis=1)
     out: Array = np.where((size > LEVEL * lengths)[:, None], c / np.maximum(size, 1e-300)[:, None], 0.0)

@@ -17,10 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .band import Array
-from .touching import EDGE, FACET, VERTEX, IntArray, Shape
+from .touching import EDGE, FACET, VERTEX, IntArray, Shape, cross
 from .touching_audit import audit, boxes_near
-from .touching_barrier import Neighbourhood
-from .touching_gaps import ONE, TWO, Pairs, arguments, gaps, places, vectors
+from .touching_barrier import Surroundings
+from .touching_gaps import ONE, TWO, Pairs, arguments, gap_values, places, vectors
 
 TOUCHING = 1e-9
 """Gap, as part of l, below which its sign says nothing."""
@@ -61,7 +61,7 @@ class Sides:
     def __init__(self, shape: Shape, kept: Pairs, corners: bool = False) -> None:
         self.corners = corners
         near = audit(shape, KNOWN * shape.length).near
-        value, inside = _gaps(shape, near), _off(shape, near) <= 0.0
+        value, inside = gap_values(shape, near), _off(shape, near) <= 0.0
         clear = inside & (np.abs(value) > TOUCHING * shape.length)
         signed = Pairs(near.first, near.second, np.where(value < 0.0, -1.0, 1.0)).take(clear)
         known = signed.joined(kept)
@@ -72,22 +72,22 @@ class Sides:
             for name in ("one", "track", "two", "other")
         )
         self.known = _Known(one, track, two, other, np.concatenate(turns))
-        self._near: Neighbourhood | None = None
+        self._near: Surroundings | None = None
 
     def near(self, shape: Shape, reach: float) -> tuple[Pairs, Array]:
         """The pairs whose gaps are less than a reach, with places on their features or hardly off, and their
         gaps; those whose side is not known are left out."""
-        if self._near is None or not self._near.covers(shape):
-            self._near = Neighbourhood.of(shape, reach, ROOM * shape.length)
-        features = self._near.features
+        if self._near is None or reach > self._near.reach:
+            self._near = Surroundings(reach, ROOM * shape.length)
+        features = self._near.of(shape).features
         vf, ee = features.vertex_facet, features.edge_edge
         vf = vf[boxes_near(shape, vf, reach)]
         pairs = _typed(VERTEX, vf[:, 0], FACET, vf[:, 1]).joined(_typed(EDGE, ee[:, 0], EDGE, ee[:, 1]))
-        pairs = pairs.take(np.abs(_gaps(shape, pairs)) <= reach)
+        pairs = pairs.take(np.abs(gap_values(shape, pairs)) <= reach)
         pairs = pairs.take(_off(shape, pairs) <= MARGIN)
         sign = self._signs(shape, pairs)
         pairs = Pairs(pairs.first, pairs.second, sign).take(sign != 0.0).ordered()
-        value = _gaps(shape, pairs)
+        value = gap_values(shape, pairs)
         if not self.corners:
             counts = _counts(shape, pairs, value)
             pairs, value = pairs.take(counts), value[counts]
@@ -134,8 +134,8 @@ def _asked(shape: Shape, pairs: Pairs, turned: bool) -> tuple[IntArray, _Known, 
     if turned:
         one, track, two, other = two, other, one, track
     sheet = np.minimum(two[at], shape.segments - 1)
-    normal = np.cross(shape.u[sheet], shape.rulings[sheet])
-    upper = np.sign((np.cross(six[:, ONE], six[:, TWO]) * normal).sum(axis=1))
+    normal = cross(shape.u[sheet], shape.rulings[sheet])
+    upper = np.sign((cross(six[:, ONE], six[:, TWO]) * normal).sum(axis=1))
     turn = np.where(alike[at], 1.0, -upper if turned else upper)
     return at, _Known(one[at], track[at], two[at], other[at], turn), turn
 
@@ -156,18 +156,13 @@ def _tracks(features: IntArray) -> tuple[IntArray, IntArray]:
     return at, np.where(vertex, number % 2 + 1, np.where(edge, number % 3, 0))
 
 
-def _gaps(shape: Shape, pairs: Pairs) -> Array:
-    what = arguments(pairs)
-    return gaps(vectors(shape, what), what, pairs.sign, shape.half_width).value
-
-
 def _counts(shape: Shape, pairs: Pairs, value: Array) -> Flags:
     """Which gaps (k,) count. A gap whose place is off a feature bounds that place still where the next facet
     rises, or the next side bends, to the other feature: the gap is the less of the two there. Elsewhere it is
     the larger one, and the one that is less does not count."""
     at, six, names = places(shape, pairs), vectors(shape, arguments(pairs)), pairs.names()
     known = dict(zip(names, value.tolist(), strict=True))
-    normal = pairs.sign[:, None] * np.cross(six[:, ONE], six[:, TWO])
+    normal = pairs.sign[:, None] * cross(six[:, ONE], six[:, TWO])
     out = np.abs(at[:, 3] - 0.5) <= 0.5 + INSIDE
     for k, features, toward in ((0, pairs.first, -normal), (2, pairs.second, normal)):
         for row in np.flatnonzero(np.abs(at[:, k] - 0.5) > 0.5 + INSIDE).tolist():

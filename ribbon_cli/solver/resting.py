@@ -26,6 +26,7 @@ from .resting_kkt import (
     RestingDerivatives,
     Touched,
     copy_columns,
+    on_copies,
     pulled_back,
     pulled_with_data,
 )
@@ -57,22 +58,18 @@ class RestingProblem(Problem):
 
     def pull(self, local: Array) -> Array:
         """The sum (7N,) of gradients (k,6,3) in the gaps' six vectors, in x."""
-        return pulled_back(self.base, self.copies, self._on_copies(local))
+        return pulled_back(self.base, self.copies, on_copies(self.copies, local))
 
     def pull_with_data(self, local: Array) -> Array:
         """The same in unknowns that are held, and in data, as well."""
-        return pulled_with_data(self.base, self.copies, self._on_copies(local))
-
-    def _on_copies(self, local: Array) -> Array:
-        out = np.zeros((len(self.copies.kind), 3))
-        np.add.at(out, self.copies.slot.ravel(), local.reshape(-1, 3))
-        return out
+        return pulled_with_data(self.base, self.copies, on_copies(self.copies, local))
 
     def rows_of(self, local: Array) -> Array:
         """Each of gradients (k,6,3) in x: the rows (k,7N) of gaps."""
-        alone = np.eye(len(local))[:, :, None, None] * local
-        out: Array = np.array([self.pull(row) for row in alone]).reshape(len(local), self.size)
-        return out
+        alone = np.zeros((len(local), len(self.copies.kind), 3))
+        row = np.repeat(np.arange(len(local)), 6)
+        np.add.at(alone, (row, self.copies.slot.ravel()), local.reshape(-1, 3))
+        return pulled_back(self.base, self.copies, alone)
 
     def constraints(self, x: Array) -> Array:
         """Constraint values as in (2.19), then gaps less what they are to be."""
@@ -128,10 +125,7 @@ class RestingProblem(Problem):
     def copies_of_x(self) -> scipy.sparse.csc_matrix:
         """z by x (q, 7N), node positions summed up."""
         rows, columns, values = copy_columns(self.base, self.copies)
-        free = ~self.fixed[columns]
-        own = scipy.sparse.coo_matrix(
-            (values[free], (rows[free], columns[free])), shape=(self.copies.size, self.size)
-        ).tocsr()
+        own = scipy.sparse.coo_matrix((values, (rows, columns)), shape=(self.copies.size, self.size)).tocsr()
         out = own.toarray()
         nodes = np.flatnonzero(self.copies.kind == 0)
         for before, j in pairwise(nodes):

@@ -9,12 +9,16 @@ import numpy as np
 from ..model.band import Array, Band
 from ..model.problem import LocalDerivatives, Problem
 from ..model.touching import Shape
-from ..model.touching_barrier import Neighbourhood, barrier, nearest
-from ..model.touching_gaps import Pairs, arguments, gaps, vectors
-from .resting_kkt import Copies, RestingDerivatives, Touched, pulled_back
+from ..model.touching_barrier import Surroundings, barrier, nearest
+from ..model.touching_gaps import Arguments, Pairs, arguments, gap_values, gaps, vectors
+from .resting_kkt import Copies, RestingDerivatives, Touched, on_copies, pulled_back
 
 STIFFNESS = 10.0
 """kappa over the reach: the force of a pair at half of the reach is 1.2 times this."""
+SPARE = 2.0
+"""Reach, as a multiple of the barrier's, up to which pairs have places in the matrix before they push."""
+MOST_SPARE = 4
+"""How many times as many entries as are needed may be kept in the matrix."""
 ROOM = 0.004
 """Motion of a vertex, as part of l, that a list of neighbours allows of before it is made anew."""
 
@@ -28,39 +32,38 @@ class BarrierProblem(Problem):
         self.base = Problem(band)
         self.reach, self.gap = reach, gap
         self.kappa = STIFFNESS * reach
-        self._near: Neighbourhood | None = None
+        self.near_by = Surroundings(self.gap + SPARE * self.reach, ROOM * band.length)
+        self._spare: Copies | None = None
+        self._last: tuple[Array, Shape] | None = None
+        self._way: tuple[Array, Array, bool] | None = None
 
     def shape(self, x: Array) -> Shape:
-        """The features at x (7N,)."""
-        return Shape.of(self.state(x), self.gap)
-
-    def _around(self, *shapes: Shape) -> Neighbourhood:
-        """Neighbours that cover shapes; made anew, about the first, where the bound on motion is passed."""
-        near = self._near
-        if near is None or not all(near.covers(shape) for shape in shapes):
-            room = ROOM * self.band.length
-            far = max(float(np.linalg.norm(s.vertices - shapes[0].vertices, axis=1).max()) for s in shapes)
-            near = self._near = Neighbourhood.of(shapes[0], self.gap + self.reach, max(room, 1.001 * far))
-        return near
+        """The features at x (7N,), which are kept for the last one."""
+        if self._last is None or self._last[0] is not x:
+            self._last = x, Shape.of(self.state(x), self.gap)
+        return self._last[1]
 
     def allows(self, x: Array, y: Array) -> bool:
         """Whether nothing meets on the straight way from x to y (7N,), and nothing is nearer than the gap
         there."""
+        if self._way is None or self._way[0] is not x or self._way[1] is not y:
+            self._way = x, y, self._looked(x, y)
+        return self._way[2]
+
+    def _looked(self, x: Array, y: Array) -> bool:
         before, after = self.shape(x), self.shape(y)
-        around = self._around(before, after)
-        if self.gap and len(nearest(after, around.features, self.gap)):
+        if self.gap and len(nearest(after, self.near_by.of(after).features, self.gap)):
             return False
-        return not around.passes(before, after)
+        return not self.near_by.passes(before, after)
 
     def near(self, x: Array) -> Pairs:
         """The pairs within the reach."""
         shape = self.shape(x)
-        return nearest(shape, self._around(shape).features, self.gap + self.reach)
+        return nearest(shape, self.near_by.of(shape).features, self.gap + self.reach)
 
     def forces(self, x: Array, pairs: Pairs) -> Array:
         """What pairs within the reach push with."""
-        what = arguments(pairs)
-        value = gaps(vectors(self.shape(x), what), what, pairs.sign, self.band.half_width).value
+        value = gap_values(self.shape(x), pairs)
         out: Array = -self.kappa / self.reach * barrier((value - self.gap) / self.reach)[1]
         return out
 
@@ -72,20 +75,34 @@ class BarrierProblem(Problem):
         if not len(pairs):
             return RestingDerivatives(**own, base=self.base, free=free, touched=None)
         what = arguments(pairs)
-        found = gaps(vectors(self.shape(x), what), what, pairs.sign, self.band.half_width)
+        shape = self.shape(x)
+        found = gaps(vectors(shape, what), what, pairs.sign, self.band.half_width)
         value, first, second = barrier(np.maximum((found.value - self.gap) / self.reach, 1e-300))
         first, second = self.kappa / self.reach * first, self.kappa / self.reach**2 * second
-        copies = Copies.of(what)
-        on_copies = np.zeros((len(copies.kind), 3))
-        np.add.at(on_copies, copies.slot.ravel(), (first[:, None, None] * found.gradient).reshape(-1, 3))
+        copies = self._copied(shape, what)
+        pushed = on_copies(copies, first[:, None, None] * found.gradient)
         own["energy"] = free.energy + self.kappa * float(value.sum())
-        own["gradient"] = free.gradient + pulled_back(self.base, copies, on_copies)
+        own["gradient"] = free.gradient + pulled_back(self.base, copies, pushed)
         flat = found.gradient.reshape(-1, 18)
         hessian = (
             second[:, None, None] * flat[:, :, None] * flat[:, None, :] + first[:, None, None] * found.hessian
         )
         touched = Touched(copies, found.gradient[:0], hessian)
         return RestingDerivatives(**own, base=self.base, free=free, touched=touched)
+
+    def _copied(self, shape: Shape, what: Arguments) -> Copies:
+        """Copies for pairs within the reach, with those for pairs that are soon to be there, or were before:
+        so the matrix keeps its pattern."""
+        known = self._spare
+        copies = Copies.of(what, known)
+        if known is None or copies.extent != known.extent:
+            own = Copies.of(what)
+            if copies.extent[1] > MOST_SPARE * own.extent[1]:
+                copies = own
+            soon = nearest(shape, self.near_by.of(shape).features, self.gap + SPARE * self.reach)
+            self._spare = Copies.of(arguments(soon), copies)
+            copies = Copies.of(what, self._spare)
+        return copies
 
     def lagrangian_gradient(self, local: LocalDerivatives, multipliers: Array) -> Array:
         """Gradient (7N,) of the Lagrangian."""

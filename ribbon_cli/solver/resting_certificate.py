@@ -53,6 +53,8 @@ SHARED = 1e-3
 """Part of the largest force that a gap without force is tried with."""
 PROVED = 1e-5
 """Eigenvalue above which the Hessian is shown to be on one piece, so that others need no count."""
+OPENS = 1e-9
+"""Part of the fastest opening on a way downhill above which a gap opens."""
 FAR, NO_MOVE = 1e-8, 1e-12
 MOST_PIECES = 5000
 STEEPEST_XI = 12.0
@@ -111,17 +113,19 @@ def _on_all_pieces(judge: _Judge, local: Pieces) -> tuple[str, int]:
     """Why it is not known to be a minimum on one of the pieces, empty where it is on all; and their number.
 
     What is a minimum with the gaps of some clauses is one on all pieces that have these gaps. Where it is
-    none with them, the next clause to choose of is the one that the way downhill breaks most.
+    none with them, the next clause to choose of is the one that the way downhill breaks most, or does not
+    keep with a gap that opens.
     """
     todo: list[tuple[frozenset[int], list[frozenset[int]]]] = [(frozenset(), list(local.clauses))]
     leaves = 0
     while todo:
-        chosen, clauses = _settled(*todo.pop(), local.opposite)
+        chosen, clauses = _settled(*todo.pop(), local.void)
         if frozenset() in clauses:
-            continue  # no shape keeps two features on both sides of each other
+            continue  # no shape has all these gaps positive
         why, opening = judge.doubt(chosen)
         broken = {clause: max(opening[k] for k in clause) for clause in clauses}
-        broken = {clause: most for clause, most in broken.items() if most < 0.0}
+        level = OPENS * float(np.abs(opening).max(initial=0.0))
+        broken = {clause: most for clause, most in broken.items() if most <= level}
         if not why:
             leaves += 1
         elif not broken:
@@ -135,17 +139,19 @@ def _on_all_pieces(judge: _Judge, local: Pieces) -> tuple[str, int]:
 
 
 def _settled(
-    chosen: frozenset[int], clauses: list[frozenset[int]], opposite: dict[int, int]
+    chosen: frozenset[int], clauses: list[frozenset[int]], void: tuple[frozenset[int], ...]
 ) -> tuple[frozenset[int], list[frozenset[int]]]:
-    """The gaps chosen with those that are the only ones left in a clause, and the clauses that are left."""
+    """The gaps chosen with those that are the only ones left in a clause, and the clauses that are left: an
+    empty one where the gaps chosen are nowhere all positive."""
     while True:
-        against = frozenset(opposite[k] for k in chosen if k in opposite)
+        left = [some - chosen for some in void]
+        if frozenset() in left:
+            return chosen, [frozenset()]
+        against = frozenset().union(*(some for some in left if len(some) == 1))
         clauses = [clause - against for clause in clauses if not clause & chosen]
         single = frozenset().union(*(clause for clause in clauses if len(clause) == 1))
-        if not single:
+        if not single or frozenset() in clauses:
             return chosen, clauses
-        if any(opposite.get(k) in single for k in single):
-            return chosen, [frozenset()]
         chosen = chosen | single
 
 

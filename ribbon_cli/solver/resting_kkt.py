@@ -38,31 +38,64 @@ from .kkt import BLOCK, KKTMatrix, NodeBlocks, Pattern, pattern_of
 
 IntArray = NDArray[np.int64]
 
+KINDS = 1 << 40
+"""Numbers of vectors are less."""
+
 
 @dataclass(frozen=True)
 class Copies:
     """Which vectors are copied: `kind` and `number` (c,), sorted; `slot` (k,6) is the copy of each of a gap's
-    six. Nodes come first, in their order."""
+    six, and `coupled` (m,2) are the copies, the lower first, that share an entry of S. Nodes come first, in
+    their order."""
 
     kind: IntArray
     number: IntArray
     slot: IntArray
+    coupled: IntArray
 
     @classmethod
-    def of(cls, what: Arguments) -> Copies:
-        """The copies that gaps need."""
-        key = what.kind * (1 << 40) + what.number
-        unique, slot = np.unique(key, return_inverse=True)
-        return cls(unique >> 40, unique & ((1 << 40) - 1), slot.reshape(key.shape))
+    def of(cls, what: Arguments, spare: Copies | None = None) -> Copies:
+        """The copies that gaps need, and those of a reserve, which keeps the pattern of the matrix the same
+        while gaps come and go."""
+        key = what.kind * KINDS + what.number
+        known = np.empty(0, dtype=np.int64) if spare is None else spare.kind * KINDS + spare.number
+        every = np.union1d(key, known)
+        slot, count = np.searchsorted(every, key), len(every)
+        one, other = slot[:, :, None], slot[:, None, :]
+        coupled = np.unique((one * count + other)[one <= other])
+        if spare is not None:
+            again = np.searchsorted(every, known)[spare.coupled]
+            coupled = np.union1d(coupled, again[:, 0] * count + again[:, 1])
+        couples = np.stack(np.divmod(coupled, count), axis=-1) if count else np.empty((0, 2), np.int64)
+        return cls(every // KINDS, every % KINDS, slot, couples)
 
     @property
     def size(self) -> int:
         """q, three for each."""
         return 3 * len(self.kind)
 
-    def key(self) -> tuple[bytes, ...]:
-        """What patterns depend on."""
-        return self.kind.tobytes(), self.number.tobytes(), self.slot.tobytes()
+    @property
+    def extent(self) -> tuple[int, int]:
+        """How many copies there are, and how many share an entry: neither grows while a reserve serves."""
+        return len(self.kind), len(self.coupled)
+
+    def key(self, gaps: int) -> tuple[bytes, ...]:
+        """What patterns depend on, with rows for the first gaps."""
+        return tuple(a.tobytes() for a in (self.kind, self.number, self.coupled, self.slot[:gaps]))
+
+    def summed(self, hessian: Array) -> Array:
+        """The blocks (m,3,3) of S at `coupled`, from Hessians (k,18,18) of gaps."""
+        count = len(self.kind)
+        one, other = np.broadcast_arrays(self.slot[:, :, None], self.slot[:, None, :])
+        upper = one <= other
+        where = np.searchsorted(
+            self.coupled[:, 0] * count + self.coupled[:, 1], one[upper] * count + other[upper]
+        )
+        blocks = hessian.reshape(-1, 6, 3, 6, 3).swapaxes(2, 3)[upper].reshape(-1, 9)
+        places = 9 * where[:, None] + np.arange(9)
+        size = 9 * len(self.coupled)
+        out = np.bincount(places.ravel(), weights=blocks.ravel(), minlength=size)
+        return out.astype(np.float64, copy=False).reshape(-1, 3, 3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,9 +123,18 @@ class RestingDerivatives(LocalDerivatives):
             return self
         return replace(self, touched=replace(self.touched, jacobian=self.touched.jacobian[:count]))
 
+    def convex(self) -> RestingDerivatives:
+        """The same without what makes the Hessian of any gap, as it enters that of the energy, negative."""
+        if self.touched is None:
+            return self
+        values, axes = np.linalg.eigh(self.touched.hessian)
+        positive = (axes * np.maximum(values, 0.0)[:, None, :]) @ axes.transpose(0, 2, 1)
+        return replace(self, touched=replace(self.touched, hessian=positive))
+
 
 def copy_columns(problem: Problem, copies: Copies) -> tuple[IntArray, IntArray, Array]:
-    """Rows, columns of x and values of C, (e,) each: rows as copies are numbered, component by component."""
+    """Rows, columns of x and values of C, (e,) each: rows as copies are numbered, component by component.
+    What is held is left out."""
     h, n, strip = problem.band.h, problem.band.segments, problem.stencil.seam.strip
     rows, columns, values = [], [], []
     before = 0
@@ -110,40 +152,56 @@ def copy_columns(problem: Problem, copies: Copies) -> tuple[IntArray, IntArray, 
             rows.append(np.full(first.size, 3 * j + i))
             columns.append(first + i)
             values.append(np.full(first.size, weight))
-    return np.concatenate(rows), np.concatenate(columns), np.concatenate(values)
+    at = np.concatenate(columns)
+    free = ~problem.fixed[at]
+    return np.concatenate(rows)[free], at[free], np.concatenate(values)[free]
+
+
+def on_copies(copies: Copies, local: Array) -> Array:
+    """Gradients (k,6,3) in gaps' six vectors, summed on copies (c,3)."""
+    out = np.zeros((len(copies.kind), 3))
+    np.add.at(out, copies.slot.ravel(), local.reshape(-1, 3))
+    return out
 
 
 def pulled_back(problem: Problem, copies: Copies, forces: Array) -> Array:
-    """C^T-like: what forces (c,3) on copies are on x (7N,), copies of positions summed along the strip."""
-    flat = pulled_with_data(problem, copies, forces)[: problem.size]
-    flat[problem.fixed] = 0.0
+    """C^T-like: what forces (...,c,3) on copies are on x (...,7N), copies of positions summed along the
+    strip."""
+    flat = pulled_with_data(problem, copies, forces)[..., : problem.size]
+    flat[..., problem.fixed] = 0.0
     return flat
 
 
 def pulled_with_data(problem: Problem, copies: Copies, forces: Array) -> Array:
     """The same on what is held as well, and on data: t_A, g_1 and t_B of a strip."""
     h, n, strip = problem.band.h, problem.band.segments, problem.stencil.seam.strip
-    out, data = np.zeros((n, 7)), np.zeros(problem.stencil.seam.data)
-    on_nodes = np.zeros((n + 2, 3))
+    each = forces.shape[:-2]
+    out, data = np.zeros((*each, n, 7)), np.zeros((*each, problem.stencil.seam.data))
+    on_nodes = np.zeros((*each, n + 2, 3))
     nodes = copies.kind == NODE
-    np.add.at(on_nodes, copies.number[nodes], forces[nodes])
-    later = np.cumsum(on_nodes[::-1], axis=0)[::-1]
-    out[:, :3] += h * later[1 : n + 1]
+    on_nodes[..., copies.number[nodes], :] = forces[..., nodes, :]
+    later = np.cumsum(on_nodes[..., ::-1, :], axis=-2)[..., ::-1, :]
+    out[..., :3] += h * later[..., 1 : n + 1, :]
     tangents = copies.kind == TANGENT
-    np.add.at(out[:, :3], copies.number[tangents], forces[tangents])
+    out[..., copies.number[tangents], :3] += forces[..., tangents, :]
     start = (copies.kind == RULING) & (copies.number == 0) & strip
     rulings = (copies.kind == RULING) & ~start
-    np.add.at(out[:, 3:6], copies.number[rulings] % n, forces[rulings])
+    by_node = np.moveaxis(out[..., 3:6], -2, 0)  # a closed band's node N is node 0
+    np.add.at(by_node, copies.number[rulings] % n, np.moveaxis(forces[..., rulings, :], -2, 0))
     if start.any():
-        data[3:6] = forces[start].sum(axis=0)
-    return np.concatenate((out.ravel(), data))
+        data[..., 3:6] = forces[..., start, :].sum(axis=-2)
+    return np.concatenate((out.reshape(*each, 7 * n), data), axis=-1)
 
 
 @dataclass(frozen=True, eq=False)
 class _Layout:
-    """A pattern and where its entries come from: base entries, then C, B, D, S in this order."""
+    """A pattern and where its entries come from: base entries, then C, B, D, S in this order; `rows`,
+    `columns` and `values` are those of C."""
 
     pattern: Pattern
+    rows: IntArray
+    columns: IntArray
+    values: Array
     links: IntArray
     six: IntArray
     s_rows: IntArray
@@ -156,17 +214,18 @@ _layouts: dict[tuple[object, ...], _Layout] = {}
 KEPT_LAYOUTS = 16
 
 
-def _layout(base: KKTMatrix, copies: Copies, gaps: int, rows: IntArray, columns: IntArray) -> _Layout:
-    key = (base.pattern, gaps, *copies.key())
+def _layout(problem: Problem, base: KKTMatrix, copies: Copies, gaps: int) -> _Layout:
+    key = (base.pattern, gaps, problem.band.h, problem.fixed.tobytes(), *copies.key(gaps))
     known = _layouts.get(key)
     if known is None:
         if len(_layouts) >= KEPT_LAYOUTS:
             _layouts.pop(next(iter(_layouts)))
-        known = _layouts[key] = _build(base, copies, gaps, rows, columns)
+        known = _layouts[key] = _build(problem, base, copies, gaps)
     return known
 
 
-def _build(base: KKTMatrix, copies: Copies, gaps: int, rows: IntArray, columns: IntArray) -> _Layout:
+def _build(problem: Problem, base: KKTMatrix, copies: Copies, gaps: int) -> _Layout:
+    rows, columns, values = copy_columns(problem, copies)
     q, constraints = copies.size, base.size + base.border - base.gauge
     first_copy = base.size + base.border + gaps
     first_z = first_copy + q
@@ -181,8 +240,10 @@ def _build(base: KKTMatrix, copies: Copies, gaps: int, rows: IntArray, columns: 
     z = first_z + np.arange(q)
     chained = np.flatnonzero(copies.kind == NODE)[1:]
     links = (3 * chained[:, None] + np.arange(3)).ravel()
-    six = (3 * copies.slot[:, :, None] + np.arange(3)).reshape(len(copies.slot), 18)
-    s_rows, s_columns = np.repeat(six, 18, axis=1).ravel(), np.tile(six, (1, 18)).ravel()
+    six = (3 * copies.slot[:gaps, :, None] + np.arange(3)).reshape(gaps, 18)
+    one, other = 3 * copies.coupled[:, 0], 3 * copies.coupled[:, 1]
+    i, j = np.divmod(np.arange(9), 3)
+    s_rows, s_columns = (one[:, None] + i).ravel(), (other[:, None] + j).ravel()
     half = s_rows <= s_columns
     every = np.arange(total)
     all_rows = (
@@ -199,12 +260,14 @@ def _build(base: KKTMatrix, copies: Copies, gaps: int, rows: IntArray, columns: 
         first_copy + rows,
         z,
         z[links - 3],
-        first_z + six[:gaps].ravel(),
+        first_z + six.ravel(),
         first_z + s_columns[half],
         every,
     )
     scatter = Scatter.build(np.concatenate(all_rows), np.concatenate(all_columns), (total, total))
-    return _Layout(pattern_of(scatter), links, six, s_rows[half], s_columns[half], half)
+    return _Layout(
+        pattern_of(scatter), rows, columns, values, links, six, s_rows[half], s_columns[half], half
+    )
 
 
 class RestingMatrix(KKTMatrix):
@@ -219,10 +282,7 @@ class RestingMatrix(KKTMatrix):
         self.duals = base.border + gaps + q
         self.border = self.duals + q
         self.tail = base.gauge + 2 * q
-        rows, columns, values = copy_columns(problem, copies)
-        free = ~problem.fixed[columns]
-        rows, columns, values = rows[free], columns[free], values[free]
-        layout = self._layout = _layout(base, copies, gaps, rows, columns)
+        layout = self._layout = _layout(problem, base, copies, gaps)
         self.pattern = layout.pattern
         sx = float(np.sqrt(problem.band.h / problem.band.half_width))
         constraints = base.size + base.border - base.gauge
@@ -235,9 +295,9 @@ class RestingMatrix(KKTMatrix):
                 np.full(q, sx),
             )
         )
-        self._c, self._rows, self._columns = values * base.scale[columns] / sx, rows, columns
+        self._c = layout.values * base.scale[layout.columns] / sx
         self._d = touched.jacobian.reshape(gaps, 18)
-        self._s = touched.hessian.reshape(-1)[layout.upper_half] * sx**2
+        self._s = copies.summed(touched.hessian).ravel()[layout.upper_half] * sx**2
         self._fill(
             self.pattern.upper.data(
                 np.concatenate(
@@ -276,13 +336,14 @@ class RestingMatrix(KKTMatrix):
         inner, q, gaps = self.base.node_blocks, self.copies.size, len(self._d)
         n, _, width = inner.border.shape
         beyond = np.zeros((n * BLOCK, gaps + 2 * q))
-        beyond[BLOCK * (self._columns // 7) + self._columns % 7, gaps + self._rows] = self._c
+        columns = self._layout.columns
+        beyond[BLOCK * (columns // 7) + columns % 7, gaps + self._layout.rows] = self._c
         corner = np.zeros((width + gaps + 2 * q,) * 2)
         gap, row, z = width, width + gaps, width + gaps + q
         at, links, layout = np.arange(q), self._layout.links, self._layout
         corner[row + at, z + at] = -1.0
         corner[row + links, z + links - 3] = 1.0
-        places = (np.repeat(gap + np.arange(gaps), 18), z + layout.six[:gaps].ravel())
+        places = (np.repeat(gap + np.arange(gaps), 18), z + layout.six.ravel())
         np.add.at(corner, places, self._d.ravel())
         np.add.at(corner, (z + layout.s_rows, z + layout.s_columns), self._s)
         corner = np.triu(corner) + np.triu(corner, 1).T

@@ -10,6 +10,8 @@ motion to it are audited over all pairs, independently of all lists.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -21,7 +23,7 @@ from ..model.touching import Shape
 from ..model.touching_audit import Audit, Motion, audit
 from ..model.touching_barrier import candidates
 from ..model.touching_distances import Distances, nearer
-from ..model.touching_gaps import Pairs, arguments, gaps, vectors
+from ..model.touching_gaps import Pairs, gap_values
 from ..model.touching_sides import Sides
 from ..parts import HALF_WIDTH
 from .kkt import FactorisationError
@@ -33,6 +35,7 @@ from .resting_barrier import BarrierProblem
 from .resting_certificate import PULLS, certified
 from .resting_exchange import OFF, Exchange, GapLostError, NoRestError, off_features, pushing
 from .resting_kkt import RestingDerivatives, kkt_matrix
+from .resting_shares import shared_anew
 from .status import STATIONARY, Result, Status
 from .tracking import Way
 
@@ -41,6 +44,8 @@ DEPTH = 1e-10
 SLIP = 1e-4
 """Depth, as part of l, that sheets which slide on each other may have half-way between two shapes: their
 straight way cuts a curve short. What passes deeper has passed through."""
+MOST_WAYPOINTS = 3
+"""How often a way along which sheets slide is halved to see whether it passes through itself."""
 MOST_SADDLES = 3
 REACHES = (5e-4, 5e-5, 5e-6)
 """Reaches of the barrier, as parts of l, one after the other."""
@@ -138,14 +143,26 @@ def slopes(rest: Rest, name: str = HALF_WIDTH) -> Slopes:
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def moved(rest: Rest, band: Band, by: float, along: Slopes, gap: float | None = None) -> Rest:
-    """The next shape with the same pairs, with a band of other parameters or at another gap. Raises
-    NoRestError."""
+    """The next shape with the same pairs, with a band of other parameters or at another gap; with others that
+    touch where forces can be shared out among these. Raises NoRestError."""
     x, multipliers = rest.result.x + by * along.x, rest.result.multipliers + by * along.multipliers
-    problem = RestingProblem(band, rest.pairs, rest.gap if gap is None else gap)
-    result = solve(problem, x, multipliers, Options(leave_saddles=0, max_steps=MOST_TRACKED))
+    gap = rest.gap if gap is None else gap
+    options = Options(leave_saddles=0, max_steps=MOST_TRACKED)
+    problem = RestingProblem(band, rest.pairs, gap)
+    result = solve(problem, x, multipliers, options)
+    steps = result.steps
     if result.status not in STATIONARY:
-        raise NoRestError(f"{result.status.value} with the same gaps")
-    return accepted(rest.state, problem, result, SLIP, result.steps, ())
+        why = f"{result.status.value} with the same gaps"
+        try:
+            other, anew = shared_anew(rest.problem, rest.result)
+        except NoRestError as failure:
+            raise NoRestError(why) from failure
+        problem = RestingProblem(band, other.pairs, gap)
+        result = solve(problem, x, anew.multipliers, options)
+        steps += result.steps
+    if result.status not in STATIONARY:
+        raise NoRestError(why)
+    return accepted(rest.state, problem, result, SLIP, steps, ())
 
 
 def _shortened(rest: Rest, name: str, full: float, along: Slopes) -> Rest:
@@ -183,24 +200,50 @@ def accepted(
 ) -> Rest:
     """The shape with its audit. Raises NoRestError if it, or the way to it from `before`, which may be on a
     coarser grid, is none to be accepted."""
+    if _pulls(problem, result):
+        with suppress(NoRestError):
+            problem, result = shared_anew(problem, result)
     shape, length = Shape.of(result.state, problem.gap), problem.band.length
     forces = problem.split(result.multipliers)[1]
     if len(forces):
         off = float(off_features(shape, problem.pairs).max())
         if off > OFF:
             raise NoRestError(f"a place of contact is off its features by {off:.1e}")
-        if forces.min() < -PULLS * max(1.0, float(forces.max())):
+        if _pulls(problem, result):
             raise NoRestError(f"a force pulls, {forces.min():.1e}")
     found = audit(shape, problem.gap + DEPTH * length)
     if found.lacks(problem.gap) > DEPTH * length:
         raise GapLostError(f"features cross, or are nearer than the gap, by {found.lacks(problem.gap):.1e}")
-    motion = way_between(before, result.state, problem.gap)
-    met = motion.passages()
-    if len(met):
-        depth = motion.depth(met)
-        if depth > slip * length:
-            raise GapLostError(f"the way passes through itself, {depth:.1e} deep")
+    depth = _passed(before, result.state, problem.gap, slip)
+    if depth > slip * length:
+        raise GapLostError(f"the way passes through itself, {depth:.1e} deep")
     return Rest(problem, certified(problem, result, found), found, steps, changes)
+
+
+def _pulls(problem: RestingProblem, result: Result) -> bool:
+    forces = problem.split(result.multipliers)[1]
+    return bool(len(forces) and forces.min() < -PULLS * max(1.0, float(forces.max())))
+
+
+def _passed(before: State, after: State, gap: float, slip: float, halvings: int = MOST_WAYPOINTS) -> float:
+    """How deep the way from one shape to another passes through itself.
+
+    Sheets that slide far on each other cut a curve short: of such a way the middle is opened, and both halves
+    are looked at.
+    """
+    motion = way_between(before, after, gap)
+    met = motion.passages()
+    depth, length = motion.depth(met) if len(met) else 0.0, after.band.length
+    if depth <= slip * length or not halvings or before.band.segments != after.band.segments:
+        return depth
+    band = Way.between(before.band, after.band).middle(before.band, after.band)
+    x, pairs = 0.5 * (before.vector() + after.vector()), met.pairs.unique()
+    try:
+        middle = opened(Guess(before, band, x, None, pairs, np.empty(0), gap, math.inf), slip * length)
+    except NoRestError:
+        return depth
+    first = _passed(before, middle, gap, slip, halvings - 1)
+    return first if first > slip * length else max(first, _passed(middle, after, gap, slip, halvings - 1))
 
 
 def found(rest: Rest, band: Band, by: float, along: Slopes | None, gap: float | None = None) -> Rest:
@@ -214,6 +257,12 @@ def found(rest: Rest, band: Band, by: float, along: Slopes | None, gap: float | 
     ways = [partial(exchanged, guess), partial(let_down, guess)]
     if gap == rest.gap and along is not None:
         ways.insert(1, partial(_in_halves, rest, band, by, along))
+    return _first_certified(ways)
+
+
+def _first_certified(ways: Iterable[Callable[[], Rest]]) -> Rest:
+    """The first certified end of several ways, else the first end. Raises the last NoRestError where no way
+    ends."""
     ends, why = [], NoRestError("")
     for way in ways:
         try:
@@ -268,24 +317,18 @@ class Guess:
 def exchanged(guess: Guess) -> Rest:
     """The shape at rest near a place, with gaps exchanged on the way: a certified minimum if there is one,
     first where sheets slip off each other, then held at corners. Raises NoRestError."""
-    shape, own = Shape.of(guess.before), guess.multipliers
+    held = (False,) if guess.gap else (False, True)
+    return _first_certified(partial(_exchanged, guess, corners) for corners in held)
+
+
+def _exchanged(guess: Guess, corners: bool) -> Rest:
+    """The same, with corners held or not."""
+    own = guess.multipliers
     assert own is not None
-    ends, why = [], NoRestError("")
-    for corners in (False,) if guess.gap else (False, True):
-        sides = Distances() if guess.gap else Sides(shape, guess.pairs, corners)
-        search = Exchange(guess.band, sides, FARTHEST, guess.gap)
-        try:
-            problem, result = search.rest(guess.x, own, guess.pairs, guess.forces)
-            end = accepted(guess.before, problem, result, SLIP, search.steps, ("exchange",))
-        except NoRestError as failure:
-            why = failure
-            continue
-        if end.result.certified:
-            return end
-        ends.append(end)
-    if not ends:
-        raise why
-    return ends[0]
+    sides = Distances() if guess.gap else Sides(Shape.of(guess.before), guess.pairs, corners)
+    search = Exchange(guess.band, sides, FARTHEST, guess.gap)
+    problem, result = search.rest(guess.x, own, guess.pairs, guess.forces)
+    return accepted(guess.before, problem, result, SLIP, search.steps, ("exchange",))
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
@@ -349,8 +392,7 @@ def opened(guess: Guess, room: float) -> State:
             why = "the way to the start passes through itself"
         if motion.after.segments != shape.segments:
             break
-        what = arguments(met.pairs)
-        value = gaps(vectors(shape, what), what, met.pairs.sign, band.half_width).value
+        value = gap_values(shape, met.pairs)
         more = united(united(pairs, met.pairs.take(value < gap + 0.5 * room).unique()), close)
         if len(more) == len(pairs):
             break
