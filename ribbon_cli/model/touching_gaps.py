@@ -340,7 +340,8 @@ def places(shape: Shape, pairs: Pairs) -> Array:
         along = (cross(d, q) * c).sum(axis=1)[facing] / square[facing]
         across = (cross(p, d) * c).sum(axis=1)[facing] / (square[facing] * b)
         far = shape.h * np.maximum(1.0 + across * np.tanh(shape.xi[facet]), np.finfo(float).tiny)
-        out[facing, 2], out[facing, 3] = along / far, 0.5 * (across + 1.0)
+        with np.errstate(over="ignore"):  # at a tip of no width a place is infinitely far off
+            out[facing, 2], out[facing, 3] = along / far, 0.5 * (across + 1.0)
     crossing = (pairs.first[:, 0] == EDGE) & (pairs.second[:, 0] == EDGE)
     if crossing.any():
         on_first = -(cross(d, q) * c).sum(axis=1) / square
@@ -359,5 +360,6 @@ def _part(shape: Shape, edges: IntArray, along: Array) -> Array:
     k, which = np.minimum(edges // 3, shape.segments - 1), edges % 3
     rise = np.tanh(shape.xi[k])
     side = shape.h * np.maximum(np.where(which == 1, 1.0 - rise, 1.0 + rise), np.finfo(float).tiny)
-    out: Array = np.where(which == 0, 0.5 * (along / shape.half_width + 1.0), along / side)
+    with np.errstate(over="ignore"):  # on a side of no length a place is infinitely far off
+        out: Array = np.where(which == 0, 0.5 * (along / shape.half_width + 1.0), along / side)
     return out

@@ -123,6 +123,14 @@ class RestingDerivatives(LocalDerivatives):
             return self
         return replace(self, touched=replace(self.touched, jacobian=self.touched.jacobian[:count]))
 
+    def convex(self) -> RestingDerivatives:
+        """The same without what makes the Hessian of any gap, as it enters that of the energy, negative."""
+        if self.touched is None:
+            return self
+        values, axes = np.linalg.eigh(self.touched.hessian)
+        positive = (axes * np.maximum(values, 0.0)[:, None, :]) @ axes.transpose(0, 2, 1)
+        return replace(self, touched=replace(self.touched, hessian=positive))
+
 
 def copy_columns(problem: Problem, copies: Copies) -> tuple[IntArray, IntArray, Array]:
     """Rows, columns of x and values of C, (e,) each: rows as copies are numbered, component by component.

@@ -21,7 +21,7 @@ from ..model.problem import LocalDerivatives, Problem
 from .inertia import count_below, inertia
 from .kkt import FactorisationError, KKTMatrix
 from .linear import RESIDUAL_LIMIT, Factor
-from .resting_kkt import RestingDerivatives
+from .resting_kkt import RestingDerivatives, kkt_matrix
 
 LANCZOS_LIMIT = 60
 """Above this number of negative eigenpairs, or a sixth of all, the dense method is the cheaper one."""
@@ -30,6 +30,8 @@ QUICK_STEPS = 80
 """Lanczos steps without a shift, ten more for each eigenpair, before a shift is looked for."""
 EXACT_STEPS = 20
 """The same where the block reduction solves, as on fine grids: a step takes a second at N = 100 000."""
+BENT_FROM = 1e-5
+"""Largest component of a step, with gaps, up to which it is the exact one."""
 FIRST_SHIFT = -1e-2
 """Where a search for a shift begins if nothing is known of the eigenvalues."""
 SHIFTED_STEPS = 240
@@ -248,12 +250,31 @@ def direction(
     Raises FactorisationError if the systems cannot be solved.
     """
     step, new = plain or newton_step(problem, local, multipliers, factor)
+    bent = _bent_up(problem, local, multipliers, factor, step) if index is None else None
+    if bent is not None:
+        return Direction(*bent, np.empty(0), np.empty((problem.size, 0)), step)
     found = _negative_space(problem, local, factor, index, step, min(2.0 * lowest, 0.0) or FIRST_SHIFT)
     if found is None:
         return Direction(step, new, np.empty(0), np.empty((problem.size, 0)), step)
     values, vectors, nu = found
     along = vectors.T @ step
     return Direction(step - 2.0 * vectors @ along, new - 2.0 * nu @ along, values, vectors, step)
+
+
+def _bent_up(
+    problem: Problem, local: LocalDerivatives, multipliers: Array, factor: Factor, step: Array
+) -> tuple[Array, Array] | None:
+    """A long step where what gaps bring into the Hessian is left out as far as it is negative; None where it
+    is negative all the same, or without gaps.
+
+    Far from a minimum gaps that push, or a barrier's, have many negative directions, whose eigenvectors take
+    longer to find than several steps; this one is downhill as well.
+    """
+    if not isinstance(local, RestingDerivatives) or np.abs(step).max() < BENT_FROM or not factor.surplus:
+        return None
+    convex = local.convex()
+    other = Factor(kkt_matrix(problem, convex, factor.matrix.rotations))
+    return None if other.surplus else newton_step(problem, convex, multipliers, other)
 
 
 def _negative_space(

@@ -1,0 +1,191 @@
+"""What bands at rest cost, counted: patterns, lists of neighbours, looks at ways, eigenvectors."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from resting_support import resting
+
+from ribbon_cli.model.band import State
+from ribbon_cli.model.problem import Problem
+from ribbon_cli.model.touching import EDGE, Shape
+from ribbon_cli.model.touching_audit import Motion, sweeps
+from ribbon_cli.model.touching_barrier import Surroundings, nearest
+from ribbon_cli.model.touching_distances import nearer
+from ribbon_cli.model.touching_gaps import Pairs, arguments, gap_values, gaps, vectors
+from ribbon_cli.model.touching_gaps import places as places_of
+from ribbon_cli.solver import resting_barrier, resting_kkt, saddle_free
+from ribbon_cli.solver.linear import Factor
+from ribbon_cli.solver.newton import Options, iterate_at, solve
+from ribbon_cli.solver.resting import RestingProblem
+from ribbon_cli.solver.resting_barrier import BarrierProblem
+from ribbon_cli.solver.resting_exchange import off_features
+from ribbon_cli.solver.resting_kkt import RestingDerivatives, kkt_matrix
+
+REACH = 5e-4
+
+
+@pytest.fixture(scope="module")
+def places():
+    """A band at rest, places (20, 7N) along a smooth motion of its contacts, and its multipliers."""
+    state, pairs, *_ = resting("pi-b1.65-N100")
+    x = state.vector()
+    wave = np.cos(0.01 * np.arange(x.size) * (1.0 + np.arange(20)[:, None] / 7.0))
+    near = solve(RestingProblem(state.band, pairs), x, None, Options(leave_saddles=0))
+    own = near.multipliers[: Problem(state.band).rows]
+    return state, x + 1e-4 * np.arange(1, 21)[:, None] * wave, own
+
+
+def _counted(monkeypatch, where, name):
+    calls, original = [], getattr(where, name)
+
+    def counting(*given, **more):
+        calls.append(name)
+        return original(*given, **more)
+
+    monkeypatch.setattr(where, name, counting)
+    return calls
+
+
+def test_a_barrier_keeps_the_pattern_of_its_matrix(places, monkeypatch):
+    """Pairs come and go, and are nearest at other features: two patterns serve for all of them."""
+    state, xs, _ = places
+    monkeypatch.setattr(resting_kkt, "_layouts", {})
+    built = _counted(monkeypatch, resting_kkt, "_build")
+    problem = BarrierProblem(state.band, REACH * state.band.length)
+    sets = set()
+    for x in xs:
+        matrix = kkt_matrix(problem, problem.local_derivatives(x, None), problem.rotations(x))
+        assert isinstance(matrix, resting_kkt.RestingMatrix)
+        sets.add(frozenset(problem.near(x).names()))
+    assert len(sets) >= 6
+    assert len(built) <= 2
+
+
+def test_places_to_spare_change_no_solution(places):
+    """The same step with and without them, to rounding."""
+    state, xs, own = places
+    problem, bare = (BarrierProblem(state.band, REACH * state.band.length) for _ in range(2))
+    problem.local_derivatives(xs[0], None)
+    steps = []
+    for each in (problem, bare):
+        local = each.local_derivatives(xs[-5], own)
+        matrix = kkt_matrix(each, local, each.rotations(xs[-5]))
+        steps.append((matrix.border, saddle_free.newton_step(each, local, own, Factor(matrix), 1e-10)))
+    (wide, (step, after)), (narrow, (other, others)) = steps
+    assert wide > narrow
+    assert np.abs(step - other).max() < 1e-6 * np.abs(step).max()
+    assert np.abs(after - others).max() < 1e-6 * np.abs(after).max()
+
+
+def test_one_list_over_all_pairs_serves_many_shapes(places, monkeypatch):
+    """And the short ones that are taken from it miss no pair."""
+    state, xs, _ = places
+    collected = _counted(monkeypatch, resting_barrier.Surroundings, "of")
+    around = Surroundings(REACH * state.band.length, 0.004 * state.band.length)
+    for x in xs:
+        shape = Shape.of(type(state).from_vector(state.band, x))
+        near = nearest(shape, around.of(shape).features, around.reach).unique()
+        assert set(near.names()) == set(nearer(shape, around.reach).names())
+    assert around.collected == 1
+    assert len(collected) == len(xs)
+
+
+def test_each_way_is_looked_at_once(places, monkeypatch):
+    state, xs, _ = places
+    problem = BarrierProblem(state.band, REACH * state.band.length)
+    looked = _counted(monkeypatch, BarrierProblem, "_looked")
+    x, y = xs[:2]
+    for _ in range(3):
+        problem.allows(x, y)
+    assert len(looked) == 1
+
+
+def test_a_way_beyond_all_lists_is_looked_at_over_all_pairs(places):
+    """Whether it passes, as collision detection over every pair of facets has it."""
+    state, xs, _ = places
+    random = np.random.default_rng(3)
+    seen = set()
+    for size in (1e-5, 3e-4, 3e-3, 3e-2):
+        before = Shape.of(type(state).from_vector(state.band, xs[0]))
+        after = Shape.of(
+            type(state).from_vector(state.band, xs[0] + size * random.standard_normal(xs[0].size))
+        )
+        motion = Motion.__new__(Motion)
+        motion.before = motion.after = before
+        motion._p, motion._q = before.vertices, after.vertices
+        passed = len(motion.passages_of_all_pairs()) > 0
+        assert sweeps(before, after) == passed
+        seen.add(passed)
+    assert seen == {True, False}
+
+
+def test_values_alone_are_those_with_derivatives():
+    """To the last bit, for all kinds of pairs."""
+    kinds = set()
+    for name, reach in (("pi-b1.65-N100", 0.03), ("pi-b1.65-N100-gap0.02", 0.04)):
+        state, pairs, *_ = resting(name)
+        shape = Shape.of(state)
+        near = nearer(shape, reach).joined(pairs)
+        what = arguments(near)
+        whole = gaps(vectors(shape, what), what, near.sign, shape.half_width).value
+        assert (gap_values(shape, near) == whole).all()
+        kinds |= set(what.pointed.tolist())
+    assert kinds == {0, 1, 2}
+
+
+def test_places_on_a_side_of_no_length_are_infinitely_far_off():
+    """No overflow is reported, and they are on no feature."""
+    state, *_ = resting("pi-b1.65-N100")
+    xi = state.xi.copy()
+    xi[40] = 25.0
+    shape = Shape.of(State(state.band, state.u, state.g, xi))
+    side = np.array([[EDGE, 3 * 40 + 1]])
+    pairs = Pairs(np.array([[EDGE, 30]]), side, np.ones(1))
+    with np.errstate(over="raise"):
+        assert np.isinf(places_of(shape, pairs)[0, 2])
+        assert off_features(shape, pairs)[0] == np.inf
+
+
+def test_rows_of_many_gaps_are_those_of_each():
+    state, pairs, force, _ = resting("pi-b1.65-N100")
+    problem = RestingProblem(state.band, pairs)
+    gradient = problem.gaps(state.vector()).gradient
+    rows = problem.rows_of(gradient)
+    for k in range(len(pairs)):
+        alone = np.zeros_like(gradient)
+        alone[k] = gradient[k]
+        assert np.abs(rows[k] - problem.pull(alone)).max() < 1e-15
+    assert np.abs(force @ rows - problem.pull(force[:, None, None] * gradient)).max() < 1e-12
+    assert RestingProblem(state.band, Pairs.none()).rows_of(gradient[:0]).shape == (0, problem.size)
+
+
+def test_far_from_rest_no_eigenvectors_are_looked_for(places, monkeypatch):
+    """A step from where a barrier has negative directions is downhill without them."""
+    state, xs, own = places
+    problem = BarrierProblem(state.band, REACH * state.band.length)
+    found = []
+    looked = _counted(monkeypatch, saddle_free, "_negative_space")
+    for x in xs[:13:4]:
+        point = iterate_at(problem, x, own)
+        factor = Factor(kkt_matrix(problem, point.local, problem.rotations(x)))
+        if not factor.surplus:
+            continue
+        found.append(saddle_free.direction(problem, point.local, point.multipliers, factor).index)
+    assert found
+    assert not looked
+
+
+def test_a_convex_gap_has_no_negative_part():
+    state, pairs, force, _ = resting("pi-b1.65-N100")
+    problem = RestingProblem(state.band, pairs)
+    own = np.concatenate((np.zeros(problem.base.rows), force))
+    local = problem.local_derivatives(state.vector(), own)
+    assert isinstance(local, RestingDerivatives)
+    bent = local.convex()
+    assert local.touched is not None
+    assert bent.touched is not None
+    assert np.linalg.eigvalsh(local.touched.hessian).min() < -1e-3
+    assert np.linalg.eigvalsh(bent.touched.hessian).min() > -1e-9
+    left = bent.touched.hessian - local.touched.hessian
+    assert np.linalg.eigvalsh(left).min() > -1e-9
