@@ -32,8 +32,9 @@ from ribbon_cli.solver.saddle_free import newton_step
 
 ROOT = Path(__file__).parents[1]
 WAY = ROOT / "configs" / "contact" / "pi-200.yaml"
+TOUCHES_NOTHING = 1.5
 BY = 0.03
-"""How much wider than a band that touches nothing the one is that rests on itself."""
+"""The half-width of a band that touches nothing, and how much wider the one is that rests on itself."""
 NOT_CERTIFIED = 3
 """Exit code where a target has no certificate."""
 LIMIT = 1e-6

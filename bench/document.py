@@ -6,6 +6,17 @@ from dataclasses import dataclass
 
 from .command import BEFORE, Command
 from .compare import Comparison, Row
+from .contact import (
+    BY,
+    MOST_BARRIER,
+    MOST_POLISH,
+    MOST_SECONDS,
+    PARTS,
+    ROOT,
+    TOUCHES_NOTHING,
+    WAY,
+    Contact,
+)
 from .machine import machine, versions
 from .refinements import Refinement, Way
 from .single import Memory, Single
@@ -29,6 +40,7 @@ class Measured:
     strips: Strips
     repeats: int
     command: Command
+    contact: Contact
 
 
 WALL, CPU = 0.45, 0.68
@@ -49,6 +61,7 @@ def document(measured: Measured) -> str:
         _large(measured),
         _refinements(measured.refinements),
         _strips(measured.strips),
+        _contact(measured.contact),
     )
     return "\n\n".join(parts) + "\n"
 
@@ -76,7 +89,7 @@ def rules(measured: Measured) -> list[Rule]:
     for name, words, most in (("wall", "time", WALL), ("cpu", "processor time", CPU)):
         left = measured.command.ratio(name)
         out.append((f"the whole command in {most:.2f} of its {words} at {BEFORE}: {left:.2f}", left <= most))
-    return out + _strip_rules(measured.strips)
+    return out + _strip_rules(measured.strips) + _contact_rules(measured.contact)
 
 
 def _strip_rules(strips: Strips) -> list[Rule]:
@@ -93,6 +106,22 @@ def _strip_rules(strips: Strips) -> list[Rule]:
             path.least >= 1.5,
         ),
     ]
+
+
+def _contact_rules(contact: Contact) -> list[Rule]:
+    out = []
+    for cost in contact.costs[-1:]:
+        for name, steps, most in (
+            ("down a barrier", cost.barrier, MOST_BARRIER),
+            ("to rest", cost.polish, MOST_POLISH),
+        ):
+            ratio = steps.seconds / cost.free.seconds
+            text = f"a Newton step {name} at most {most:g} times one without contact at N = {cost.segments}"
+            out.append((f"{text}: {ratio:.2f}", ratio <= most))
+    if contact.seconds is not None:
+        text = f"`{WAY.relative_to(ROOT)}` within {MOST_SECONDS:g} s: {contact.seconds:.1f} s"
+        out.append((text, contact.seconds <= MOST_SECONDS))
+    return out
 
 
 def _slower(row: Row) -> bool:
@@ -328,6 +357,28 @@ def _shear_steps(paths: list[ShearPath]) -> str:
                 line.append(f"{_ms(found.seconds)} / {found.iterations}{elsewhere}")
         lines.append(tuple(line))
     return f"Milliseconds and Newton steps or iterations:\n\n{_table(tuple(head), lines)}"
+
+
+def _contact(contact: Contact) -> str:
+    lines = []
+    for cost in contact.costs:
+        kinds = (("without contact", cost.free), ("down a barrier", cost.barrier), ("to rest", cost.polish))
+        for name, steps in kinds:
+            each = [f"{1000 * steps.parts[part]:.2f}" for part in PARTS]
+            ratio = f"{steps.seconds / cost.free.seconds:.2f}"
+            kind = (str(cost.segments), name, str(steps.count), str(steps.border), str(steps.patterns))
+            lines.append((*kind, *each, f"{1000 * steps.seconds:.2f}", ratio))
+    head = ("N", "step", "steps", "border", "patterns", *PARTS, "all", "ratio")
+    return f"""## Bands at rest on themselves
+
+Milliseconds of the processor, means over the steps of a way. A pi band of b = {TOUCHES_NOTHING:g} that
+touches nothing is widened by {BY:g}: its gaps are opened, and a barrier of the widest reach leads down. The
+same places are gone through again, for the steps without contact and with the barrier; its lists of pairs,
+patterns and their symbolic factors are made on the way. Steps to rest, with gaps as rows, are at places
+between the end of the barrier and the shape at rest. *Collisions* tests the motion of each step; pairs are
+among the derivatives.
+
+{_table(head, lines)}"""
 
 
 def _way(way: Way) -> tuple[str, str, str, str]:

@@ -13,6 +13,7 @@ from ribbon_cli.model.band import State
 from . import peer
 from .command import CONFIG, whole_command
 from .compare import compare
+from .contact import TOUCHES_NOTHING, measure_contact
 from .document import Measured, document, rules
 from .ours import Table, twisted_guess
 from .refinements import refinements
@@ -25,7 +26,7 @@ DOCUMENT = Path(__file__).parents[1] / "docs" / "benchmarks.md"
 @dataclass(frozen=True)
 class Size:
     """How much is measured: the table, its runs, repeats of solves at `half_width` by N, memory, strips
-    (segments and steps of the path), and runs of the whole command."""
+    (segments and steps of the path), runs of the whole command, and contact by N."""
 
     widths: tuple[float, ...]
     levels: tuple[int, ...]
@@ -35,6 +36,7 @@ class Size:
     memory: tuple[int, ...]
     strips: tuple[int, int]
     commands: int
+    contact: tuple[int, ...]
 
 
 FULL = Size(
@@ -46,8 +48,9 @@ FULL = Size(
     (800, 1600, 3200, 6400),
     (200, STEPS),
     5,
+    (100, 200, 400),
 )
-QUICK = Size((0.1, 0.2), (50, 100), 1, 0.2, {50: 1, 100: 1}, (100,), (50, 3), 1)
+QUICK = Size((0.1, 0.2), (50, 100), 1, 0.2, {50: 1, 100: 1}, (100,), (50, 3), 1, ())
 
 
 def measure(size: Size) -> Measured:
@@ -75,7 +78,11 @@ def measure(size: Size) -> Measured:
     both = refinements(reached, size.levels, _say)
     large = {n: r.seconds for n, r in fine.items()}
     strips = measure_strips(states[size.levels[-1]], *size.strips, size.runs, _say)
-    return Measured(comparison, singles, size.half_width, large, grown, both, strips, size.runs, command)
+    touching = {n: reached[TOUCHES_NOTHING, n].state for n in size.contact}
+    contact = measure_contact(touching, bool(size.contact), _say)
+    return Measured(
+        comparison, singles, size.half_width, large, grown, both, strips, size.runs, command, contact
+    )
 
 
 def _before(reached: Table, size: Size) -> State:
