@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import tracemalloc
+from functools import partial
+
 import numpy as np
 import pytest
 from resting_support import resting
@@ -9,14 +12,15 @@ from resting_support import resting
 from ribbon_cli.model.band import State
 from ribbon_cli.model.problem import Problem
 from ribbon_cli.model.touching import EDGE, Shape
-from ribbon_cli.model.touching_audit import Motion, sweeps
-from ribbon_cli.model.touching_barrier import Surroundings, nearest
+from ribbon_cli.model.touching_audit import Motion, audit, sweeps
+from ribbon_cli.model.touching_barrier import Neighbourhood, Surroundings, nearest
 from ribbon_cli.model.touching_distances import nearer
 from ribbon_cli.model.touching_gaps import Pairs, arguments, gap_values, gaps, vectors
 from ribbon_cli.model.touching_gaps import places as places_of
 from ribbon_cli.solver import resting_barrier, resting_kkt, saddle_free
 from ribbon_cli.solver.linear import Factor
 from ribbon_cli.solver.newton import Options, iterate_at, solve
+from ribbon_cli.solver.prolongation import divided
 from ribbon_cli.solver.resting import RestingProblem
 from ribbon_cli.solver.resting_barrier import BarrierProblem
 from ribbon_cli.solver.resting_exchange import off_features
@@ -189,3 +193,24 @@ def test_a_convex_gap_has_no_negative_part():
     assert np.linalg.eigvalsh(bent.touched.hessian).min() > -1e-9
     left = bent.touched.hessian - local.touched.hessian
     assert np.linalg.eigvalsh(left).min() > -1e-9
+
+
+def test_memory_of_lists_and_looks_grows_no_faster_than_the_grid():
+    """In the fan beside the inflection a third of all facets are near each other: they are looked at in
+    blocks."""
+    state, *_ = resting("pi-b1.65-N100")
+    peaks = {}
+    for parts in (1, 4):
+        shape = Shape.of(divided(state, parts) if parts > 1 else state)
+        near = REACH * shape.length, 0.004 * shape.length
+        for name, look in (
+            ("list", partial(Neighbourhood.of, shape, *near)),
+            ("audit", partial(audit, shape, 1e-10)),
+            ("way", Motion(shape, shape).passages),
+        ):
+            tracemalloc.start()
+            look()
+            peaks[name, parts] = tracemalloc.get_traced_memory()[1]
+            tracemalloc.stop()
+    for name in ("list", "audit", "way"):
+        assert peaks[name, 4] < 4.4 * peaks[name, 1], peaks

@@ -21,6 +21,8 @@ from .touching_gaps import Pairs
 
 BLOCK = 100_000
 """Pairs of features worked on at once."""
+FACETS_AT_ONCE = 4096
+"""Pairs of facets whose features are looked at at once."""
 CLEAR = 1e-3
 """Reach, as part of l, within which a clearance is looked for first; it grows tenfold."""
 ROOT_STEPS = 60
@@ -47,7 +49,25 @@ class Features:
     ) -> Features:
         """The features of pairs of facets that count in any of the shapes of one strip, of those that `near`
         leaves."""
-        shape = shapes[0]
+        slivers = np.all([s.slivers for s in shapes], axis=0)
+        none = np.empty((0, 2), dtype=np.int64)
+        parts = [cls(none, none)]
+        # In fans many facets are near each other whose features do not count: memory is that of a block.
+        for first in range(0, len(i), FACETS_AT_ONCE):
+            block = slice(first, first + FACETS_AT_ONCE)
+            part = cls._of_facets(shapes[0], i[block], j[block], slivers)
+            part = part if near is None else near(part)
+            vf, ee = part.vertex_facet, part.edge_edge
+            vf = vf[_counts(shapes, Shape.flat_of_vertices, Shape.flat_of_facets, vf)]
+            parts.append(cls(vf, ee[_counts(shapes, Shape.flat_of_edges, Shape.flat_of_edges, ee)]))
+        return cls(
+            _unique(np.vstack([part.vertex_facet for part in parts])),
+            _unique(np.vstack([part.edge_edge for part in parts])),
+        )
+
+    @classmethod
+    def _of_facets(cls, shape: Shape, i: IntArray, j: IntArray, slivers: NDArray[np.bool_]) -> Features:
+        """All features of pairs of facets but slivers, and what has a vertex in common."""
         corners, edges = shape.corner_numbers, shape.edge_numbers
         one = np.stack((corners[i], np.broadcast_to(j[:, None], (len(j), 4))), axis=-1).reshape(-1, 2)
         other = np.stack((corners[j], np.broadcast_to(i[:, None], (len(i), 4))), axis=-1).reshape(-1, 2)
@@ -55,17 +75,10 @@ class Features:
         first = np.repeat(edges[i], 4, axis=1).reshape(-1)
         second = np.tile(edges[j], (1, 4)).reshape(-1)
         ee = _unique(np.stack((np.minimum(first, second), np.maximum(first, second)), axis=-1))
-        slivers = np.all([s.slivers for s in shapes], axis=0)
         ee = ee[(ee[:, 0] != ee[:, 1]) & ~slivers[ee].any(axis=1)]
-        if near is not None:
-            kept = near(cls(vf, ee))
-            vf, ee = kept.vertex_facet, kept.edge_edge
-        # What has a vertex in common is nowhere apart on the flat strip.
         vf = vf[(corners[vf[:, 1]] != vf[:, :1]).all(axis=1)]
         (first, last), (start, end) = (shape.edge_ends(ee[:, k]) for k in (0, 1))
-        ee = ee[(first != start) & (first != end) & (last != start) & (last != end)]
-        vf = vf[_counts(shapes, Shape.flat_of_vertices, Shape.flat_of_facets, vf)]
-        return cls(vf, ee[_counts(shapes, Shape.flat_of_edges, Shape.flat_of_edges, ee)])
+        return cls(vf, ee[(first != start) & (first != end) & (last != start) & (last != end)])
 
 
 def within_reach(shape: Shape, reach: float) -> Callable[[Features], Features]:
