@@ -1,79 +1,103 @@
-"""docs/benchmarks.md, written whole from what was measured."""
+"""The sections of docs/benchmarks.md, part by part, from what was measured."""
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
 from .command import BEFORE, Command
 from .compare import Comparison, Row
-from .contact import (
-    BY,
-    MOST_BARRIER,
-    MOST_POLISH,
-    MOST_SECONDS,
-    PARTS,
-    ROOT,
-    TOUCHES_NOTHING,
-    WAY,
-    Contact,
-)
 from .machine import machine, versions
 from .refinements import Refinement, Way
-from .single import Memory, Single
+from .single import Single
 from .strip_run import HALF_WIDTH, PEERS, SPAN, ShearPath, Strips
+from .tables import Rule, milliseconds, required, table
 
 
 @dataclass(frozen=True)
-class Measured:
-    """Everything that one run of the benchmark measured.
-
-    `large` are seconds of refinements by their finer N, prolongation and certificate included, each the first
-    at its N in this process.
-    """
+class Whole:
+    """What is measured on the whole table: both contestants, single solves, and refinements."""
 
     comparison: Comparison
     singles: list[Single]
     half_width: float
-    large: dict[int, float]
-    memory: list[Memory]
     refinements: list[Refinement]
-    strips: Strips
-    repeats: int
-    command: Command
-    contact: Contact
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part of the page, which can be measured and written alone: its rules and its text."""
+
+    name: str
+    rules: list[Rule]
+    text: str
 
 
 WALL, CPU = 0.45, 0.68
 """What the whole command may take of its time, and of its processor time, at `command.BEFORE`."""
 
-Rule = tuple[str, bool]
-"""A requirement in words with its figure, and whether it is met."""
+HEAD = """# Benchmarks
+
+Written by `make bench`, each part also by `python -m bench.run --only PART`; edits are lost.
+
+The problem is the discrete one of Koldaev (2022), (2.19), for the pi-band with the thesis's rule. The peer
+is CasADi with IPOPT and MUMPS, helped in every way that was found (`bench/peer.py`). It certifies nothing.
+Our seconds hold all that makes a certified state: start, detours by the other grid phase, residuals, inertia,
+linking number, facets. Files and spectra are left out.
+"""
+_PART = re.compile(r"^<!-- part: (\w+) -->$", re.MULTILINE)
 
 
-def document(measured: Measured) -> str:
-    """The whole document, Markdown."""
-    parts = (
-        _head(measured),
-        _command(measured.command),
-        _whole(measured.comparison),
-        _states(measured.comparison.rows),
-        _singles(measured),
-        _large(measured),
-        _refinements(measured.refinements),
-        _strips(measured.strips),
-        _contact(measured.contact),
-    )
-    return "\n\n".join(parts) + "\n"
+def page(parts: list[Part], before: str = "") -> str:
+    """The whole document, Markdown: the parts, and of the page before those that were not measured."""
+    found = _PART.split(before)[1:]
+    texts = {name: text.strip("\n") for name, text in zip(found[::2], found[1::2], strict=True)}
+    texts |= {part.name: _measured(part) for part in parts}
+    named = [name for name in NAMES if name in texts]
+    return HEAD + "".join(f"\n<!-- part: {name} -->\n\n{texts[name]}\n" for name in named)
 
 
-def rules(measured: Measured) -> list[Rule]:
-    """What is required of speed, with the figures found."""
+def _measured(part: Part) -> str:
+    """A part with where it was measured, and its rules, under its first heading."""
+    heading, _, rest = part.text.partition("\n\n")
+    where = f"Measured on a {machine()}, with {versions()}."
+    return f"{heading}\n\n{where}\n\n{required(part.rules)}\n\n{rest}"
+
+
+NAMES = ("command", "table", "scaling", "strips", "contact")
+"""The parts in their order."""
+
+
+def command_part(command: Command) -> Part:
+    """The whole command beside the program before."""
+    rules = []
+    for name, words, most in (("wall", "time", WALL), ("cpu", "processor time", CPU)):
+        left = command.ratio(name)
+        rules.append(
+            (f"the whole command in {most:.2f} of its {words} at {BEFORE}: {left:.2f}", left <= most)
+        )
+    return Part("command", rules, _command(command))
+
+
+def table_part(measured: Whole) -> Part:
+    """The whole table by both contestants."""
     c = measured.comparison
+    texts = _whole(c), _states(c.rows), _singles(measured), _refinements(measured.refinements)
+    return Part("table", _table_rules(c), "\n\n".join(texts))
+
+
+def strips_part(strips: Strips) -> Part:
+    """Strips between clamps."""
+    return Part("strips", _strip_rules(strips), _strips(strips))
+
+
+def _table_rules(c: Comparison) -> list[Rule]:
+    """What is required of speed, with the figures found."""
     useful = c.peer_seconds(c.own_way) / c.ours_seconds
     everything = c.peer_seconds(c.own_way, failed=True) / c.ours_seconds
     guessed = c.peer_seconds(c.guessed, failed=True) / c.ours_seconds
     slower = [_name(r) for r in c.rows if r.segments >= 100 and _slower(r)]
-    out = [
+    return [
         (f"3 times faster than the peer's useful solves, building left out: {useful:.1f}", useful >= 3),
         (f"5 times faster with its failed solves: {everything:.1f}", everything >= 5),
         (f"faster than the peer from our guesses: {guessed:.2f} times", guessed > 1),
@@ -83,13 +107,6 @@ def rules(measured: Measured) -> list[Rule]:
             not slower,
         ),
     ]
-    if 3200 in measured.large:
-        seconds = measured.large[3200]
-        out.append((f"N = 3200 from N = 1600 within a second: {seconds:.2f} s", seconds < 1))
-    for name, words, most in (("wall", "time", WALL), ("cpu", "processor time", CPU)):
-        left = measured.command.ratio(name)
-        out.append((f"the whole command in {most:.2f} of its {words} at {BEFORE}: {left:.2f}", left <= most))
-    return out + _strip_rules(measured.strips) + _contact_rules(measured.contact)
 
 
 def _strip_rules(strips: Strips) -> list[Rule]:
@@ -108,22 +125,6 @@ def _strip_rules(strips: Strips) -> list[Rule]:
     ]
 
 
-def _contact_rules(contact: Contact) -> list[Rule]:
-    out = []
-    for cost in contact.costs[-1:]:
-        for name, steps, most in (
-            ("down a barrier", cost.barrier, MOST_BARRIER),
-            ("to rest", cost.polish, MOST_POLISH),
-        ):
-            ratio = steps.seconds / cost.free.seconds
-            text = f"a Newton step {name} at most {most:g} times one without contact at N = {cost.segments}"
-            out.append((f"{text}: {ratio:.2f}", ratio <= most))
-    if contact.seconds is not None:
-        text = f"`{WAY.relative_to(ROOT)}` within {MOST_SECONDS:g} s: {contact.seconds:.1f} s"
-        out.append((text, contact.seconds <= MOST_SECONDS))
-    return out
-
-
 def _slower(row: Row) -> bool:
     """Whether the peer was faster from the same start, or in its own way than we with everything."""
     pairs = ((row.same, row.guessed), (row.ours, row.own_way))
@@ -132,21 +133,6 @@ def _slower(row: Row) -> bool:
 
 def _name(row: Row) -> str:
     return f"b = {row.half_width:g}, N = {row.segments}"
-
-
-def _head(measured: Measured) -> str:
-    met = _table(("required", "met"), [(text, "yes" if ok else "**no**") for text, ok in rules(measured)])
-    return f"""# Benchmarks
-
-Written by `make bench`; edits are lost. Measured on a {machine()}, with {versions()}.
-One thread for each contestant, both in one process, in turn; medians of {measured.repeats} runs of the table.
-
-The problem is the discrete one of Koldaev (2022), (2.19), for the pi-band with the thesis's rule. The peer
-is CasADi with IPOPT and MUMPS, helped in every way that was found (`bench/peer.py`). It certifies nothing.
-Our seconds hold all that makes a certified state: start, detours by the other grid phase, residuals, inertia,
-linking number, facets. Files and spectra are left out.
-
-{met}"""
 
 
 def _command(command: Command) -> str:
@@ -159,7 +145,7 @@ def _command(command: Command) -> str:
 `ribbon solve configs/mobius-pi.yaml` into an empty folder: imports, solves, spectra, files. Seconds of the
 program at {BEFORE} and of today's, in turn, on {command.cores} cores; medians of {len(command.now)} runs.
 
-{_table(("seconds", "before", "now", "ratio"), lines)}"""
+{table(("seconds", "before", "now", "ratio"), lines)}"""
 
 
 def _whole(c: Comparison) -> str:
@@ -177,12 +163,13 @@ def _whole(c: Comparison) -> str:
     own, guessed = ([getattr(r, f"{n}_verdict") for r in c.rows] for n in ("own", "guessed"))
     return f"""## The whole table
 
-{len(c.rows)} states from the ring twisted in 50 steps, not yet freed. *In its own way*: continuation in width
+{len(c.rows)} states from the ring twisted in 50 steps, not yet freed. One thread for each contestant, both
+in one process, in turn; medians of {len(c.ours)} runs. *In its own way*: continuation in width
 on the coarsest grid with multipliers, a failed step halved; facets split from level to level, tried with
 multipliers, then without, then from the width before. *From our guesses*: every state from the start that
 led us there, without multipliers; finding and making it counts for us and not for the peer.
 
-{_table(("", "seconds", "ratio to ours", ""), lines)}
+{table(("", "seconds", "ratio to ours", ""), lines)}
 
 {_found("In its own way", own)} {_found("From our guesses", guessed)}"""
 
@@ -198,14 +185,14 @@ def _states(rows: list[Row]) -> str:
     def peer(seconds: float | None, iterations: int, verdict: str) -> str:
         if seconds is None:
             return "missing"
-        return f"{_ms(seconds)} / {iterations}" + ("" if verdict == "minimum" else f" ({verdict})")
+        return f"{milliseconds(seconds)} / {iterations}" + ("" if verdict == "minimum" else f" ({verdict})")
 
     lines = [
         (
             f"{r.half_width:g}",
             str(r.segments),
-            f"{_ms(r.ours)} / {r.steps}",
-            f"{_ms(r.same)} / {r.same_steps}",
+            f"{milliseconds(r.ours)} / {r.steps}",
+            f"{milliseconds(r.same)} / {r.same_steps}",
             peer(r.guessed, r.guessed_iterations, r.guessed_verdict),
             peer(r.own_way, r.own_iterations, r.own_verdict),
         )
@@ -217,17 +204,17 @@ def _states(rows: list[Row]) -> str:
 Milliseconds and Newton steps or iterations. *Ours* is all of it, *given the start* what is left where the
 peer begins from our guesses: solve and certificate, without multipliers. The peer's is its last solve alone.
 
-{_table(head, lines)}"""
+{table(head, lines)}"""
 
 
-def _singles(measured: Measured) -> str:
+def _singles(measured: Whole) -> str:
     lines = [
         (
             str(s.segments),
-            f"{_ms(s.ours)} ({_ms(s.ours_first)})",
+            f"{milliseconds(s.ours)} ({milliseconds(s.ours_first)})",
             str(s.steps),
             _pair(s.ours_residuals),
-            f"{_ms(s.peer)}",
+            f"{milliseconds(s.peer)}",
             str(s.iterations),
             _pair(s.peer_residuals),
             f"{s.build:.2f}",
@@ -252,31 +239,11 @@ Both from the same start without multipliers: for the coarsest grid the state of
 others the prolongation of the state with half as many segments. Ours holds the certificate; in brackets its
 first solve at this N here. Residuals are those of the Lagrangian's gradient and of constraints as written.
 
-{_table((*head, "ratio", "the peer's is a"), lines)}"""
+{table((*head, "ratio", "the peer's is a"), lines)}"""
 
 
 def _pair(values: tuple[float, float]) -> str:
     return " / ".join(f"{v:.0e}" for v in values)
-
-
-def _large(measured: Measured) -> str:
-    kept = {m.segments: m.growth for m in measured.memory}
-    lines = [
-        (
-            str(n),
-            f"{measured.large[n]:.2f}" if n in measured.large else "",
-            f"{kept[n]:.0f}" if n in kept else "",
-            f"{1024 * kept[n] / n:.1f}" if n in kept else "",
-        )
-        for n in sorted({*measured.large, *kept})
-    ]
-    return f"""## Large grids
-
-Refinement from half as many segments at b = {measured.half_width:g}, prolongation and whole certificate
-included, the first at that N in the process, symbolic factorisation and all; and by how much the peak memory
-of a process of its own grows in the solve.
-
-{_table(("N", "seconds", "memory, MiB", "KiB a segment"), lines)}"""
 
 
 def _refinements(found: list[Refinement]) -> str:
@@ -307,7 +274,7 @@ minima. Negative eigenvalues of the projected Hessian are counted at the start, 
 squares, and the most at any step. Steps are those of all grid phases tried; the second was needed: {where}.
 In all {smooth} steps, {split} by splitting. Where splitting ends elsewhere than on the minimum, it says so.
 
-{_table(head, lines)}"""
+{table(head, lines)}"""
 
 
 def _strips(strips: Strips) -> str:
@@ -326,7 +293,7 @@ def _strips(strips: Strips) -> str:
 Seconds of the processor; medians in turn. One Newton step at N = {cost.segments}: derivatives, matrix,
 factors and solution.
 
-{_table(("", "ms", "ratio to the band's"), costs)}
+{table(("", "ms", "ratio to the band's"), costs)}
 
 A strip at span {SPAN:g} l, b = {HALF_WIDTH:g} l, is sheared to {last.shear:g} l at N = {first.segments},
 in {len(first.steps)} equal steps; `bench/strips.py` is the peer's problem. Each step begins for both at our
@@ -337,7 +304,7 @@ path stops short of a shear of 0.2 l, where the branch loses its stability: beyo
 states. Required is the ratio under the first rule, the default, with the peer at its best. What the peer
 loses, it loses in the first steps; a later one takes it about as long as us with all our checks.
 
-{_table(("rule", "peer", "same equilibrium", "ours, s", "peer, s", "ratio"), totals)}
+{table(("rule", "peer", "same equilibrium", "ours, s", "peer, s", "ratio"), totals)}
 
 {_shear_steps(strips.paths)}"""
 
@@ -350,46 +317,15 @@ def _shear_steps(paths: list[ShearPath]) -> str:
     for steps in zip(*(path.steps for path in paths), strict=True):
         line = [f"{steps[0].shear:g}"]
         for step in steps:
-            line.append(f"{_ms(step.ours.seconds)} / {step.ours.iterations}")
+            line.append(f"{milliseconds(step.ours.seconds)} / {step.ours.iterations}")
             for peer in PEERS:
                 found = step.peers[peer]
                 elsewhere = "" if found.same else " (elsewhere)"
-                line.append(f"{_ms(found.seconds)} / {found.iterations}{elsewhere}")
+                line.append(f"{milliseconds(found.seconds)} / {found.iterations}{elsewhere}")
         lines.append(tuple(line))
-    return f"Milliseconds and Newton steps or iterations:\n\n{_table(tuple(head), lines)}"
-
-
-def _contact(contact: Contact) -> str:
-    lines = []
-    for cost in contact.costs:
-        kinds = (("without contact", cost.free), ("down a barrier", cost.barrier), ("to rest", cost.polish))
-        for name, steps in kinds:
-            each = [f"{1000 * steps.parts[part]:.2f}" for part in PARTS]
-            ratio = f"{steps.seconds / cost.free.seconds:.2f}"
-            kind = (str(cost.segments), name, str(steps.count), str(steps.border), str(steps.patterns))
-            lines.append((*kind, *each, f"{1000 * steps.seconds:.2f}", ratio))
-    head = ("N", "step", "steps", "border", "patterns", *PARTS, "all", "ratio")
-    return f"""## Bands at rest on themselves
-
-Milliseconds of the processor, means over the steps of a way. A pi band of b = {TOUCHES_NOTHING:g} that
-touches nothing is widened by {BY:g}: its gaps are opened, and a barrier of the widest reach leads down. The
-same places are gone through again, for the steps without contact and with the barrier; its lists of pairs,
-patterns and their symbolic factors are made on the way. Steps to rest, with gaps as rows, are at places
-between the end of the barrier and the shape at rest. *Collisions* tests the motion of each step; pairs are
-among the derivatives.
-
-{_table(head, lines)}"""
+    return f"Milliseconds and Newton steps or iterations:\n\n{table(tuple(head), lines)}"
 
 
 def _way(way: Way) -> tuple[str, str, str, str]:
     steps = str(way.steps) if way.end == "minimum" else f"{way.steps} ({way.end})"
-    return str(way.at_start), str(way.most), steps, _ms(way.seconds)
-
-
-def _ms(seconds: float) -> str:
-    return f"{1000 * seconds:.1f}" if seconds < 0.1 else f"{1000 * seconds:.0f}"
-
-
-def _table(head: tuple[str, ...], lines: list[tuple[str, ...]]) -> str:
-    rows = [head, tuple("---" for _ in head), *lines]
-    return "\n".join(f"| {' | '.join(row)} |" for row in rows)
+    return str(way.at_start), str(way.most), steps, milliseconds(way.seconds)

@@ -1,17 +1,10 @@
-"""Single solves by both contestants from the same starts, and the time and memory that large grids take."""
+"""Single solves by both contestants from the same starts."""
 
 from __future__ import annotations
 
-import json
 import statistics
-import subprocess
-import sys
-import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
-
-import numpy as np
 
 from ribbon_cli.model.band import State
 from ribbon_cli.solver.prolongation import phase_of, smooth
@@ -91,23 +84,3 @@ def chain(coarse: State, finest: int, say: Callable[[str], None]) -> dict[int, R
 def prolonged(coarse: State, segments: int) -> State:
     """The start that refinement tries first."""
     return smooth(coarse, segments, phase_of(coarse)).state
-
-
-@dataclass(frozen=True)
-class Memory:
-    """Growth of a process's peak memory in one solve, in MiB."""
-
-    segments: int
-    growth: float
-
-
-def memory(start: State) -> Memory:
-    """Solve from `start` in a process of its own and see by how much its peak memory grows."""
-    band = start.band
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "start.npz"
-        np.savez(path, u=start.u, g=start.g, xi=start.xi, half_width=band.half_width)
-        command = [sys.executable, "-m", "bench.memory", str(path)]
-        answer = subprocess.run(command, capture_output=True, text=True, check=True)
-    facts = json.loads(answer.stdout)
-    return Memory(band.segments, facts["after"] - facts["before"])

@@ -50,13 +50,14 @@ vary:
 """Four quick runs, the third of which fails."""
 
 
-def undisturbed(folders: pytest.TempPathFactory) -> Callable[[str], Hashes]:
+@pytest.fixture(scope="module", name="whole")
+def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Hashes]:
     """The states of a sweep by its text, each of its points solved by itself, once."""
     found: dict[str, Hashes] = {}
 
     def states(text: str) -> Hashes:
         if text not in found:
-            folder = folders.mktemp("whole")
+            folder = tmp_path_factory.mktemp("whole")
             (folder / "sweep.yaml").write_text(text)
             for point in load_sweep(folder / "sweep.yaml").points:
                 solve_config(point.written("whole"), folder / "runs")

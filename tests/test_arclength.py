@@ -8,6 +8,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from dense_reference import DenseModel
 from numeric_support import DATA, Array, load, ring, twist_prescription
 from scipy.optimize import brentq, minimize_scalar
 
@@ -30,7 +31,6 @@ from ribbon_cli.solver.bordered import BorderedSystem
 from ribbon_cli.solver.branch import BranchOptions, End, Reason, advance
 from ribbon_cli.solver.branch_events import Event
 from ribbon_cli.solver.branch_switch import switch
-from ribbon_cli.solver.dense import DenseModel
 from ribbon_cli.solver.newton import estimate_multipliers, solve
 from ribbon_cli.solver.prolongation import smooth
 from ribbon_cli.solver.status import Status

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -142,10 +143,10 @@ def test_a_root_that_is_none_is_a_step_too_long() -> None:
             branch_events._root(f, 0.0, 1.0, 1e-9)
 
 
-def test_a_saddle_on_a_branch_is_no_failure_of_its_run(tmp_path: Path) -> None:
+def test_a_saddle_on_a_branch_is_no_failure_of_its_run(band: Path, tmp_path: Path) -> None:
     (tmp_path / "my-band.yaml").write_text(BAND)
+    shutil.copytree(band, tmp_path / "runs")
     options = ("--runs", tmp_path / "runs", "-q")
-    ribbon_json("solve", tmp_path / "my-band.yaml", *options)
     words = ("my-band@b=0.5,N=40", "--to", "1.3", "--arclength", *options)
     assert ribbon_json("continue", *words)["points"][-1]["status"] == "saddle"
     table = ribbon("convergence-table", "my-band", *options)

@@ -145,6 +145,11 @@ def test_continue_along_the_branch(given):
     assert document["end"]["half_width"] == pytest.approx(FOLD, rel=1e-9)
     assert document["points"][-1]["type"] == "fold"
     assert {"label", "type", "half_width", "energy"} <= document["points"][0].keys()
+
+
+@pytest.mark.long
+def test_continue_goes_on_along_the_branch(given):
+    document = ribbon_json("continue", "one:1", "--to", "0.12", "--arclength", "--stop-at", "fold", *given)
     further = ribbon_json("continue", "one:1", "--to", "0.12", "--back-to", "0.09", "--arclength", *given)
     assert further["end"] == {
         "reason": "range",
@@ -240,8 +245,8 @@ def test_continue_with_too_few_steps_says_so(given):
     document = ribbon_json("continue", "one:1", "--to", "0.12", "--arclength", "--steps", "2", *given)
     assert document["end"]["reason"] == "step-limit"
     assert document["end"]["message"] == "The limit on the number of steps."
-    more = ribbon_json("continue", "one:1", "--to", "0.12", "--arclength", *given)
-    assert more["end"]["reason"] == "range"
+    more = ribbon_json("continue", "one:1", "--to", "0.12", "--arclength", "--stop-at", "fold", *given)
+    assert more["end"]["reason"] == "fold"
     assert more["points"][:2] == document["points"][:2]
 
 

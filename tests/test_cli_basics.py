@@ -63,7 +63,9 @@ def test_the_entry_point_imports_nothing_heavy():
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
-@pytest.mark.parametrize("config", [QUICK_RING, QUICK_MOBIUS, QUICK_SCHOENKE])
+@pytest.mark.parametrize(
+    "config", [QUICK_RING, pytest.param(QUICK_MOBIUS, marks=pytest.mark.long), QUICK_SCHOENKE]
+)
 def test_a_finished_run_loads_no_numerical_libraries(config, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("ring.yaml").write_text(config)

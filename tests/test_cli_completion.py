@@ -15,19 +15,27 @@ from ribbon_cli.cli.main import cli
 BASH = shutil.which("bash")
 
 
-@pytest.fixture
-def folder(tmp_path, monkeypatch):
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
     """Runs mobius (two equilibria, one intermediate state), ring-a, and two named twin."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.delenv("RIBBON_RUNS", raising=False)
-    made = make_run(tmp_path / "runs")
+    root = tmp_path_factory.mktemp("completion")
+    made = make_run(root)
     with made.writing():
         made.commit(make_record(1, kind="intermediate"))
         made.commit(make_record(2))
         made.commit(make_record(3, 20, half_width=0.8))
-    make_run(tmp_path / "runs", 0, "ring-a")
-    make_run(tmp_path / "runs", 0, "twin", "00000001")
-    make_run(tmp_path / "runs", 0, "twin", "00000002")
+    make_run(root, 0, "ring-a")
+    make_run(root, 0, "twin", "00000001")
+    make_run(root, 0, "twin", "00000002")
+    return root
+
+
+@pytest.fixture
+def folder(runs, tmp_path, monkeypatch):
+    """A folder with a copy of these runs."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("RIBBON_RUNS", raising=False)
+    shutil.copytree(runs, tmp_path / "runs")
     (tmp_path / "ring.yaml").write_text("")
     return tmp_path
 
@@ -127,15 +135,15 @@ def test_completion_in_a_broken_environment_is_silent(folder):
     ("line", "replies"),
     [
         ("ribbon sho", ["show"]),
-        ("ribbon ls ri", ["ring-a"]),
-        ("ribbon export mobius:", ["1", "2", "3"]),
         ("ribbon export mobius:3", ["3"]),
-        ("ribbon export mobius@", ["@b=0.5,N=10", "@b=0.8,N=20"]),
         ("ribbon export mobius@b=0.8", ["0.8,N=20"]),
-        ("ribbon export t", ["twin-00000001:", "twin-00000002:"]),
         ("ribbon ls --runs=runs ri", ["ring-a"]),
-        ("ribbon completion --json z", ["zsh"]),
-        ("ribbon convergence-table x --format=m", ["markdown"]),
+        pytest.param("ribbon ls ri", ["ring-a"], marks=pytest.mark.long),
+        pytest.param("ribbon export mobius:", ["1", "2", "3"], marks=pytest.mark.long),
+        pytest.param("ribbon export mobius@", ["@b=0.5,N=10", "@b=0.8,N=20"], marks=pytest.mark.long),
+        pytest.param("ribbon export t", ["twin-00000001:", "twin-00000002:"], marks=pytest.mark.long),
+        pytest.param("ribbon completion --json z", ["zsh"], marks=pytest.mark.long),
+        pytest.param("ribbon convergence-table x --format=m", ["markdown"], marks=pytest.mark.long),
     ],
 )
 def test_a_real_bash_completes(folder, line, replies):

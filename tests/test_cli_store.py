@@ -261,12 +261,20 @@ def test_load_state_takes_references_and_paths(folder):
     assert load_state(folder / "runs/mobius-0123abcd/states/0001.h5").kind == "intermediate"
 
 
-def test_a_process_prints_json_alone_and_no_escape_codes(folder):
-    for words in (["ls"], ["ls", "mobius"], ["show", "mobius:3"], ["show", "mobius"]):
-        done = run(*words, "--json", "-q", cwd=folder, TERM="xterm-256color", FORCE_COLOR="1")
-        assert (done.returncode, done.stderr) == (0, "")
-        assert done.stdout[0] in "[{"
-        assert ESCAPE not in run(*words, cwd=folder, FORCE_COLOR="1").stdout
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["ls"],
+        ["show", "mobius:3"],
+        pytest.param(["ls", "mobius"], marks=pytest.mark.long),
+        pytest.param(["show", "mobius"], marks=pytest.mark.long),
+    ],
+)
+def test_a_process_prints_json_alone_and_no_escape_codes(folder, words):
+    done = run(*words, "--json", "-q", cwd=folder, TERM="xterm-256color", FORCE_COLOR="1")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout[0] in "[{"
+    assert ESCAPE not in run(*words, cwd=folder, FORCE_COLOR="1").stdout
 
 
 def test_a_run_below_a_folder_with_marks_in_its_name_is_no_state(tmp_path):

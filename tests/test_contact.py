@@ -244,7 +244,10 @@ def test_random_strips_meet_and_miss() -> None:
     assert found == {True, False}
 
 
-@pytest.mark.parametrize("bands", [50, pytest.param(200, marks=pytest.mark.large)])
+@pytest.mark.parametrize(
+    "bands",
+    [20, pytest.param(50, marks=pytest.mark.long), pytest.param(200, marks=pytest.mark.large)],
+)
 def test_random_closed_bands_against_all_pairs(bands: int) -> None:
     """Closed bands of 60 facets, one-sided and two-sided: the same pairs, the same clearances."""
     n, rng = 60, np.random.default_rng(2022)

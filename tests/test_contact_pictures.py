@@ -48,6 +48,12 @@ def record(request: pytest.FixtureRequest) -> StateRecord:
     return resting_record(request.param)
 
 
+@pytest.fixture(params=[NAMES[0], pytest.param(NAMES[1], marks=pytest.mark.long)])
+def drawn(request: pytest.FixtureRequest) -> StateRecord:
+    """The same for what takes its time to be drawn."""
+    return resting_record(request.param)
+
+
 def source(*states: StateRecord) -> Source:
     return Source(None, states, analysis.run_table, analysis.multiplier_curves)
 
@@ -154,17 +160,17 @@ def test_the_longest_arrow_has_one_length(record):
     assert per_force([without_contacts(record)]) == 0.0
 
 
-def test_shapes_have_arrows_in_the_picture(record):
+def test_shapes_have_arrows_in_the_picture(drawn):
     figure = Figure()
     axes = figure.subplots()
-    view = chosen_view(facet_corners(record), None)
-    draw_shape(axes, record, PAPER, view)
+    view = chosen_view(facet_corners(drawn), None)
+    draw_shape(axes, drawn, PAPER, view)
     bare = len(axes.collections)
     axes = Figure().subplots()
-    draw_shape(axes, record, PAPER, view, each=per_force([record]))
+    draw_shape(axes, drawn, PAPER, view, each=per_force([drawn]))
     heads = [c for c in axes.collections if isinstance(c, PolyCollection)][1:]
     assert len(axes.collections) > bare
-    assert 0 < len(heads) <= 2 * len(record.contacts)
+    assert 0 < len(heads) <= 2 * len(drawn.contacts)
     (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
     for head in heads:
         x, y = head.get_paths()[0].vertices.T
@@ -172,24 +178,24 @@ def test_shapes_have_arrows_in_the_picture(record):
         assert low <= y.min() < y.max() <= high
 
 
-def test_the_key_of_forces_has_their_scale(record):
-    picture = draw("shape", source(record), PAPER)
+def test_the_key_of_forces_has_their_scale(drawn):
+    picture = draw("shape", source(drawn), PAPER)
     (axes,) = picture.figure.axes
     (text,) = [t for t in axes.texts if t.get_text().startswith("force ")]
     force = float(text.get_text().removeprefix("force "))
     arrow = [c for c in axes.collections if isinstance(c, PolyCollection)][-1].get_paths()[0].vertices
-    assert arrow[:, 0].max() - axes.get_xlim()[0] == pytest.approx(force * per_force([record]))
-    assert 0.3 * LONGEST * record.length < force * per_force([record]) <= LONGEST * record.length
-    row = draw("shape", source(record, record), PAPER).figure
+    assert arrow[:, 0].max() - axes.get_xlim()[0] == pytest.approx(force * per_force([drawn]))
+    assert 0.3 * LONGEST * drawn.length < force * per_force([drawn]) <= LONGEST * drawn.length
+    row = draw("shape", source(drawn, drawn), PAPER).figure
     (legend,) = row.legends
-    assert f"longest {record.contacts.force.max():.3g}" in legend.get_texts()[0].get_text()
-    assert not draw("shape", source(without_contacts(record)), PAPER).figure.axes[0].lines[1:]
+    assert f"longest {drawn.contacts.force.max():.3g}" in legend.get_texts()[0].get_text()
+    assert not draw("shape", source(without_contacts(drawn)), PAPER).figure.axes[0].lines[1:]
 
 
-def test_a_map_has_each_contact_twice_and_its_places_on_the_strip(record):
-    figure = contacts_figure(record, PAPER)
+def test_a_map_has_each_contact_twice_and_its_places_on_the_strip(drawn):
+    figure = contacts_figure(drawn, PAPER)
     plane, strip = figure.axes[:2]
-    flat = counted(record, touching(record).flat, even_window(record))
+    flat = counted(drawn, touching(drawn).flat, even_window(drawn))
     one, other = [
         np.sort(c.get_offsets().data.view(complex).ravel())
         for c in plane.collections
@@ -202,7 +208,7 @@ def test_a_map_has_each_contact_twice_and_its_places_on_the_strip(record):
         [c.get_offsets().data for c in strip.collections if isinstance(c, PathCollection)]
     )
     assert sorted(map(tuple, marked.round(9))) == sorted(map(tuple, flat.reshape(-1, 2).round(9)))
-    count = len(gathered(record, touching(record).flat))
+    count = len(gathered(drawn, touching(drawn).flat))
     numbers = [text.get_text() for text in plane.texts]
     assert sorted(numbers) == sorted(2 * [str(k + 1) for k in range(count)])
     # On the strip, where three contacts share three places, each place has both of its numbers.

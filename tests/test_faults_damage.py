@@ -286,7 +286,7 @@ def harmless(ended: Ended) -> bool:
 
 
 def test_mutated_files_are_refused_or_read_as_they_were(tmp_path, state):
-    assert mutated(tmp_path, state, 24, seed=1)[4] > 16
+    assert mutated(tmp_path, state, 12, seed=1)[4] > 8
 
 
 @pytest.mark.faults

@@ -65,7 +65,7 @@ def rounds(tmp_path: Path, count: int) -> None:
 
 
 def test_eight_processes_at_one_run(tmp_path):
-    rounds(tmp_path, 3)
+    rounds(tmp_path, 2)
 
 
 @pytest.mark.faults

@@ -8,11 +8,11 @@ from functools import cache
 
 import numpy as np
 import pytest
+from dense_reference import dense_direction
 from numeric_support import Array, assemble, load, random_strip, rotation, with_rule
 
 from ribbon_cli.model.band import Band, Discretisation, Multipliers, State
 from ribbon_cli.model.problem import Problem
-from ribbon_cli.solver.dense import dense_direction
 from ribbon_cli.solver.inertia import inertia
 from ribbon_cli.solver.newton import estimate_multipliers, solve
 from ribbon_cli.solver.status import Status

@@ -5,13 +5,15 @@ Most tests lower the limits from which grids count as fine, so that coarse ones 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from dense_reference import dense_direction
 from numeric_support import Array, assemble, load
 from spectral_support import Place, pi_band
 from test_saddle_free import problem_of
@@ -19,11 +21,12 @@ from test_saddle_free import problem_of
 from ribbon_cli.config import parse_config
 from ribbon_cli.model.band import Band, Discretisation, State
 from ribbon_cli.model.folding import ClosureError, xi_between
-from ribbon_cli.model.problem import Problem
+from ribbon_cli.model.problem import Layout, Problem
 from ribbon_cli.model.sparsity import Scatter
+from ribbon_cli.model.stencil import Seam
+from ribbon_cli.model.term import Couplings
 from ribbon_cli.solver import continuation, inertia, kkt, linear, newton
 from ribbon_cli.solver.continuation import to_segments
-from ribbon_cli.solver.dense import dense_direction
 from ribbon_cli.solver.inertia import BlockReduction, count_below
 from ribbon_cli.solver.kkt import KKTMatrix
 from ribbon_cli.solver.linear import Factor
@@ -193,6 +196,46 @@ def test_a_saddle_is_left_by_the_paths_of_fine_grids() -> None:
     assert [met.index for met in found.saddles] == [1]
 
 
+@pytest.mark.usefixtures("fine")
+def test_a_level_takes_one_exact_reduction_and_one_symbolic_factorisation(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Also where the judgement takes a step; each serves the points after the one that it was made for."""
+    state = pi_band(100, THESIS).result.state
+    monkeypatch.setattr(newton, "SETTLED", 1e-9)
+    made = {"reductions": 0, "symbolic": 0, "judged": 0}
+
+    def counting(name: str, what: Callable[..., Any]) -> Callable[..., Any]:
+        def counted(*args: Any, **more: Any) -> Any:
+            made[name] += 1
+            return what(*args, **more)
+
+        return counted
+
+    monkeypatch.setattr(linear, "BlockReduction", counting("reductions", linear.BlockReduction))
+    monkeypatch.setattr(linear.qdldl, "Solver", counting("symbolic", linear.qdldl.Solver))
+    monkeypatch.setattr(newton._Solve, "_judge_fine", counting("judged", newton._Solve._judge_fine))
+    found = to_segments(state, 200, replace(Options(), tolerance=1e-6)).result
+    assert found.certified
+    assert made["judged"] > 1
+    assert (made["reductions"], made["symbolic"]) == (1, 1)
+
+
+@pytest.mark.usefixtures("fine")
+def test_exact_factors_of_another_place_are_made_anew_where_they_are_too_far() -> None:
+    """A saddle half a facet off has other solutions and another count."""
+    minimum, saddle = matrix_of(pi_band(100, THESIS)), matrix_of(pi_band(100, THESIS, Phase.NODE))
+    rhs = np.random.default_rng(2).standard_normal(minimum.size + minimum.border)
+    factor = Factor(saddle, exact=True)
+    assert not factor.serving(minimum).counted().trusted
+    assert factor.stale
+    np.testing.assert_allclose(
+        factor.solve(rhs), Factor(minimum, exact=True).solve(rhs), rtol=1e-6, atol=1e-9
+    )
+    assert not factor.stale
+    assert (factor.counted().negative, factor.counted().trusted) == (0, True)
+
+
 # --- starts ---
 
 
@@ -225,6 +268,31 @@ def test_patterns_sum_what_shares_a_place(monkeypatch: pytest.MonkeyPatch) -> No
     for scatter in (usual, compact):
         np.testing.assert_allclose(scatter.matrix(values).toarray(), expected, atol=1e-14)
         assert scatter.matrix(values).has_sorted_indices
+
+
+@pytest.mark.parametrize("couplings", [(), (("U0", "U0"), ("U", "U"))], ids=["bare", "coupled"])
+@pytest.mark.parametrize("seam", list(Seam))
+def test_stretched_patterns_are_those_sorted(
+    seam: Seam, couplings: Couplings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(kkt, "DIRECTLY", kkt.TEMPLATE + 1)
+    for segments, rotations, compact in ((22, 3, 1 << 20), (57, 0, 100), (120, 1, 1 << 20)):
+        monkeypatch.setattr("ribbon_cli.model.sparsity.COMPACT_FROM", compact)
+        monkeypatch.setattr(kkt, "COMPACT_FROM", compact)
+        layout = Layout(segments, seam, couplings)
+        found = kkt._built_pattern(layout, rotations)
+        usual = kkt.pattern_of(kkt._upper(layout, rotations))
+        for one, other in zip(arrays_of(found), arrays_of(usual), strict=True):
+            assert one.dtype == other.dtype
+            np.testing.assert_array_equal(one, other)
+
+
+def arrays_of(pattern: kkt.Pattern) -> list[Array]:
+    """Everything that a pattern is."""
+    upper, whole = pattern.upper, pattern.whole_matrix
+    empty = pattern.upper_matrix
+    arrays = [upper.indptr, upper.indices, upper.slot, empty.indptr, empty.indices, pattern.diagonal]
+    return [*arrays, whole.indptr, whole.indices, pattern.whole_source]
 
 
 # --- refinement ---

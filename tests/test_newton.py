@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 import qdldl
 import scipy
+from dense_reference import dense_solve
 from numeric_support import DATA, E3, Array, load, random_strip, ring, twist_prescription
 
 from ribbon_cli.model.band import Band, State
 from ribbon_cli.model.problem import Prescription, Problem
-from ribbon_cli.solver.dense import dense_solve
 from ribbon_cli.solver.linear import Factor
 from ribbon_cli.solver.newton import SETTLED, Options, change, estimate_multipliers, inverted_facets, solve
 from ribbon_cli.solver.resting_kkt import kkt_matrix

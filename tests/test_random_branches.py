@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 import pytest
 from cli_support import ribbon
+from dense_reference import DenseModel
 
-from ribbon_cli.solver.dense import DenseModel
 from ribbon_cli.store import list_runs
 from ribbon_cli.study.records import multipliers_of, state_of
 from ribbon_cli.verify.recompute import problem_of

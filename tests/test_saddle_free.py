@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from dense_reference import LARGEST, DenseModel, dense_direction
 from numeric_support import E3, Array, assemble, load, ring, twist_prescription, with_rule
 
 from ribbon_cli.model.band import Band, Discretisation
 from ribbon_cli.model.problem import Prescription, Problem
-from ribbon_cli.solver.dense import LARGEST, DenseModel, dense_direction
 from ribbon_cli.solver.inertia import inertia
 from ribbon_cli.solver.kkt import FactorisationError
 from ribbon_cli.solver.linear import Factor

@@ -213,12 +213,22 @@ def test_show_says_what_a_strip_is(strips: Path) -> None:
     assert "Lk" not in listed
 
 
-def test_pages_and_notebooks_show_parameters_and_no_linking_number(strips: Path) -> None:
-    for name, parameter in (("sheared", "shear"), ("cantilever", "end_force_y"), ("branch", "span")):
-        page = run_page(run_named(strips, name)).decode()
-        assert f">{parameter}</th>" in page or name == "branch"
-        assert "Tw + Wr found" in page
-        assert ">Lk<" not in page
+@pytest.mark.parametrize(
+    ("name", "parameter"),
+    [
+        ("cantilever", "end_force_y"),
+        pytest.param("sheared", "shear", marks=pytest.mark.long),
+        pytest.param("branch", "span", marks=pytest.mark.long),
+    ],
+)
+def test_pages_show_parameters_and_no_linking_number(strips: Path, name: str, parameter: str) -> None:
+    page = run_page(run_named(strips, name)).decode()
+    assert f">{parameter}</th>" in page or name == "branch"
+    assert "Tw + Wr found" in page
+    assert ">Lk<" not in page
+
+
+def test_notebooks_show_parameters_and_no_linking_number(strips: Path) -> None:
     run = ribbon_api.open("sheared", runs=strips)
     html = run._repr_html_()
     assert ">shear</th>" in html

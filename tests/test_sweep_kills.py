@@ -5,20 +5,14 @@ from __future__ import annotations
 import os
 import signal
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from cli_support import ribbon, run, spawn
-from sweep_support import BANDS, RINGS, Hashes, commits, ended, hashes, undisturbed, workers_of
+from sweep_support import BANDS, RINGS, commits, ended, hashes, workers_of
+from sweep_support import undisturbed as undisturbed  # the fixture `whole`
 
 from ribbon_cli.store import Run, list_runs
-
-
-@pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Hashes]:
-    """The states of a sweep that nobody disturbed, by its text."""
-    return undisturbed(tmp_path_factory)
 
 
 def begun(folder: Path, text: str, states: int, *words: str):

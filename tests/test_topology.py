@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from ribbon_cli.model import topology
-from ribbon_cli.model.topology import linking_number, open_turn, twist, twist_angles, writhe, writhe_reference
+from ribbon_cli.model.topology import linking_number, open_turn, twist, twist_angles, writhe
 
 Array = NDArray[np.float64]
 DATA = Path(__file__).parent / "data"
@@ -34,6 +34,32 @@ def closed_tangents(vertices: Array) -> Array:
         step = np.linalg.solve(len(u) * np.eye(3) - u.T @ u, gap)
         u -= step - (u @ step)[:, None] * u
     raise AssertionError("the test's polygon does not close")
+
+
+def writhe_reference(u: Array, h: float) -> float:
+    """Writhe of a closed polygon by the exact Gauss double integral, Klenin & Langowski (2000), 1a.
+
+    Each pair of edges adds the signed area Omega_ij of the spherical quadrilateral of the directions from one
+    edge to the other, Wr = sum_{i<j} Omega_ij / (2 pi). The areas are computed as two triangles each by van
+    Oosterom & Strackee (1983), without the loss of digits that arcsines have on flat quadrilaterals.
+    """
+    stop = h * np.cumsum(u, axis=0)
+    start = np.roll(stop, 1, axis=0)
+    i, j = np.triu_indices(len(start), k=2)
+    apart = j - i < len(start) - 1  # neighbouring edges span a plane and add nothing
+    i, j = i[apart], j[apart]
+    r13, r14 = start[j] - start[i], stop[j] - start[i]
+    r23, r24 = start[j] - stop[i], stop[j] - stop[i]
+    area = solid_angle(r13, r14, r24) + solid_angle(r13, r24, r23)
+    return -float(np.sum(area)) / math.tau
+
+
+def solid_angle(a: Array, b: Array, c: Array) -> Array:
+    """Signed solid angles (M,) of the triangles with corners a, b, c (M, 3), seen from the origin."""
+    na, nb, nc = (np.linalg.norm(v, axis=1) for v in (a, b, c))
+    volume = np.sum(a * np.cross(b, c), axis=1)
+    ab, bc, ca = (np.sum(v * w, axis=1) for v, w in ((a, b), (b, c), (c, a)))
+    return 2 * np.arctan2(volume, na * nb * nc + ab * nc + bc * na + ca * nb)
 
 
 def trefoil(n: int) -> Array:

@@ -40,11 +40,6 @@ class Step:
         """The step as people read it."""
         return shlex.join(self.words) if self.action == "ribbon" else f"{self.action} {self.words[0]}"
 
-    @property
-    def is_json(self) -> bool:
-        """Whether its standard output is a JSON document."""
-        return self.action == "ribbon" and "--json" in self.words
-
 
 @dataclass(frozen=True)
 class Case:

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..parts import CLAMPED, HALF_WIDTH
 from .band import Array, Band
-from .energy import energy_derivatives, energy_terms
+from .energy import energy_derivatives, energy_terms, fill_energy_derivatives
 from .stencil import SIZE, U0, G, U, add_cross, add_diagonal, cross, dot
 from .term import Couplings, Term
 
@@ -60,6 +60,10 @@ class Bending(Term):
     def derivatives(self, local: Array, *, with_hessian: bool) -> tuple[Array, Array, Array | None]:
         """Energies (M,), gradients (14, M) and, if wanted, Hessians (14, 14, M)."""
         return energy_derivatives(self.band, local, with_hessian=with_hessian, cells=self.cells)
+
+    def fill(self, local: Array, gradient: Array, hessian: Array | None) -> Array:
+        """The same, put into a gradient and a Hessian of zeros; returns the energies (M,)."""
+        return fill_energy_derivatives(self.band, local, gradient, hessian, self.cells)
 
     def rate(self, parameter: str, local: Array) -> tuple[float, Array]:
         """By the half-width, to which the energy is proportional."""

@@ -8,10 +8,13 @@ so that the multipliers approximate the fields of (1.58).
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
+from numpy.typing import NDArray
 
 from .band import Array, Band
-from .stencil import G1, SIZE, U0, G, U, X, add_cross, add_diagonal, cross, dot
+from .stencil import G1, SIZE, U0, G, U, X, diagonal, dot, norms
 
 PER_NODE = 5
 
@@ -29,51 +32,107 @@ def sech_squared(xi: Array) -> Array:
     return out
 
 
-def constraint_values(band: Band, local: Array) -> Array:
-    """The constraints (5,N), unweighted as written above; dimensionless."""
-    u0, u, g, g1 = local[U0], local[U], local[G], local[G1]
-    out = np.empty((PER_NODE, local.shape[1]))
-    out[0] = dot(u, u) - 1.0
-    out[1] = dot(g, g) - dot(g, u) ** 2 - 1.0
-    out[2] = dot(u - u0, g)
-    out[3] = dot(cross(u, g), g1)
-    out[4] = (band.half_width / band.h) * dot(u, g1 - g) - np.tanh(local[X])
+class NodeConstraints:
+    """The constraints at local vectors (14,N) and their derivatives, what they share computed once."""
+
+    def __init__(self, band: Band, local: Array) -> None:
+        self.local = local
+        self.ratio = band.half_width / band.h
+        self._tangent = dot(local[G], local[U])
+        self._turned = _turned(local)
+        self._along = local[G1] - local[G]
+
+    @cached_property
+    def _tanh(self) -> Array:
+        return np.tanh(self.local[X])
+
+    @cached_property
+    def _sech_squared(self) -> Array:
+        return sech_squared(self.local[X])
+
+    def values(self) -> Array:
+        """The constraints (5,N), unweighted as written above; dimensionless."""
+        local = self.local
+        u, g = local[U], local[G]
+        out = np.empty((PER_NODE, local.shape[1]))
+        out[:2] = norms(local[U.start : G.stop])
+        out[1] -= self._tangent * self._tangent
+        out[:2] -= 1.0
+        out[2] = dot(u - local[U0], g)
+        out[3] = dot(self._turned[6:], local[G1])
+        np.subtract(self.ratio * dot(u, self._along), self._tanh, out=out[4])
+        return out
+
+    def fill_jacobian(self, out: Array) -> None:
+        """Put d c / d local, unweighted, into zeros (5,14,N)."""
+        local, k, gu = self.local, self.ratio, self._tangent
+        u, g = local[U], local[G]
+        np.multiply(2.0, u, out=out[0, U])
+        np.multiply(-2.0 * gu, g, out=out[1, U])
+        np.multiply(2.0, g - gu * u, out=out[1, G])
+        out[2, U] = g
+        np.negative(g, out=out[2, U0])
+        np.subtract(u, local[U0], out=out[2, G])
+        out[3, U.start : G1.stop] = self._turned
+        np.multiply(k, self._along, out=out[4, U])
+        np.multiply(k, u, out=out[4, G1])
+        np.negative(out[4, G1], out=out[4, G])
+        np.negative(self._sech_squared, out=out[4, X])
+
+    def add_hessian(self, weight: Array, hessian: Array) -> None:
+        """Add sum_k weight_k d2 c_k to the upper triangle of hessian (14,14,N) in place; weight (5,N)."""
+        ug = self.local[U.start : G.stop]
+        gu = np.concatenate((ug[3:], ug[:3]))
+        w2, kw5 = 2.0 * weight[1], self.ratio * weight[4]
+        # The products g g, u u on the diagonal and g u beside it; below it, where nothing is read, u g.
+        both = hessian[U.start : G.stop, U.start : G.stop]
+        both -= (w2 * gu)[:, None] * gu
+        on_diagonal = diagonal(hessian, U.start, U.start)
+        on_diagonal += 2.0 * weight[0]
+        on_diagonal = diagonal(hessian, G.start, G.start)
+        on_diagonal += w2
+        on_diagonal = diagonal(hessian, U.start, G.start)
+        on_diagonal += weight[2] - kw5 - w2 * self._tangent
+        on_diagonal = diagonal(hessian, U0.start, G.start)
+        on_diagonal -= weight[2]
+        on_diagonal = diagonal(hessian, U.start, G1.start)
+        on_diagonal += kw5
+        # Of weight_4 (u x g).g_{i+1}: [v]x of -g_{i+1}, g and -u.
+        turned = (weight[3] * self.local[U.start : G1.stop])[_CROSS_OF]
+        turned *= _CROSS_SIGNS
+        hessian.reshape(SIZE * SIZE, -1)[_CROSS_AT] += turned
+        hessian[X, X] += 2.0 * weight[4] * self._tanh * self._sech_squared
+
+
+def _turned(local: Array) -> Array:
+    """g_i x g_{i+1}, g_{i+1} x u_i and u_i x g_i (9,N), the gradient of (u_i x g_i).g_{i+1}."""
+    a, b, c, d = local[_CROSSED].reshape(4, 9, -1)
+    out: Array = a * b
+    out -= c * d
     return out
 
 
-def constraint_jacobian(band: Band, local: Array) -> Array:
-    """d c / d local, (5,14,N), unweighted."""
-    u0, u, g, g1 = local[U0], local[U], local[G], local[G1]
-    k = band.half_width / band.h
-    gu = dot(g, u)
-    out = np.zeros((PER_NODE, SIZE, local.shape[1]))
-    out[0, U] = 2.0 * u
-    out[1, U] = -2.0 * gu * g
-    out[1, G] = 2.0 * (g - gu * u)
-    out[2, U], out[2, U0], out[2, G] = g, -g, u - u0
-    out[3, U] = cross(g, g1)
-    out[3, G] = cross(g1, u)
-    out[3, G1] = cross(u, g)
-    out[4, U] = k * (g1 - g)
-    out[4, G1] = k * u
-    out[4, G] = -out[4, G1]
-    out[4, X] = -sech_squared(local[X])
-    return out
+def _crossed() -> NDArray[np.intp]:
+    """The components (36,) of the local vector in the products of `_turned`."""
+    first, second = np.array([1, 2, 0]), np.array([2, 0, 1])
+    pairs = ((G, G1), (G1, U), (U, G))
+    rows = ((first, second), (second, first))
+    return np.concatenate(
+        [np.concatenate([(a, b)[k].start + row[k] for a, b in pairs]) for row in rows for k in (0, 1)]
+    )
 
 
-def add_constraint_hessian(band: Band, local: Array, weight: Array, hessian: Array) -> None:
-    """Add sum_k weight_k d2 c_k to the upper triangle of hessian (14,14,N) in place; weight (5,N)."""
-    u, g, g1 = local[U], local[G], local[G1]
-    w2, kw5 = 2.0 * weight[1], (band.half_width / band.h) * weight[4]
-    hessian[U, U] -= (w2 * g)[:, None] * g
-    add_diagonal(hessian[U, U], 2.0 * weight[0])
-    hessian[G, G] -= (w2 * u)[:, None] * u
-    add_diagonal(hessian[G, G], w2)
-    hessian[U, G] -= (w2 * g)[:, None] * u
-    add_diagonal(hessian[U, G], weight[2] - kw5 - w2 * dot(g, u))
-    add_cross(hessian[U, G], -weight[3] * g1)
-    add_diagonal(hessian[U0, G], -weight[2])
-    add_diagonal(hessian[U, G1], kw5)
-    add_cross(hessian[U, G1], weight[3] * g)
-    add_cross(hessian[G, G1], -weight[3] * u)
-    hessian[X, X] += 2.0 * weight[4] * np.tanh(local[X]) * sech_squared(local[X])
+def _crosses() -> tuple[NDArray[np.intp], NDArray[np.intp], Array]:
+    """Where (18,) the entries of -[g_{i+1}]x, [g_i]x and -[u_i]x stand in the flat Hessian, of which
+    components of (u_i, g_i, g_{i+1}) they are, and their signs (18,1)."""
+    at, of, signs = [], [], []
+    for row, column, vector, sign in ((U, G, G1, -1.0), (U, G1, G, 1.0), (G, G1, U, -1.0)):
+        for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):  # [v]x has -v_k at (i, j) and v_k at (j, i)
+            at += [SIZE * (row.start + i) + column.start + j, SIZE * (row.start + j) + column.start + i]
+            of += [vector.start - U.start + k] * 2
+            signs += [-sign, sign]
+    return np.array(at), np.array(of), np.array(signs)[:, None]
+
+
+_CROSSED = _crossed()
+_CROSS_AT, _CROSS_OF, _CROSS_SIGNS = _crosses()

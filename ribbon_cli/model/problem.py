@@ -25,13 +25,7 @@ from ..parts import FREE as FREE_END
 from . import stencil as local_blocks
 from .band import Array, Band, State
 from .bending import Bending
-from .constraints import (
-    PER_NODE,
-    add_constraint_hessian,
-    constraint_jacobian,
-    constraint_values,
-    row_weights,
-)
+from .constraints import PER_NODE, NodeConstraints, row_weights
 from .ends import displacement, finish_frame, start_frame
 from .sparsity import Scatter
 from .stencil import G1, SIZE, U0, X0, G, IntArray, Seam, Stencil, U, X, indices, stencil
@@ -75,6 +69,13 @@ def hessian_places(couplings: Couplings) -> tuple[NDArray[np.intp], NDArray[np.i
         structure[getattr(local_blocks, one), getattr(local_blocks, other)] = True
     rows, columns = np.nonzero(np.triu(structure))
     return rows, columns
+
+
+@lru_cache(maxsize=32)
+def _entry_places(couplings: Couplings) -> NDArray[np.intp]:
+    """Where the entries of `LocalDerivatives` stand among Hessian, Jacobian and gradient, (20,14) flat."""
+    rows, columns = hessian_places(couplings)
+    return np.concatenate((SIZE * rows + columns, SIZE * (SIZE + JACOBIAN_ROWS) + JACOBIAN_COLUMNS))
 
 
 @dataclass(frozen=True)
@@ -154,23 +155,26 @@ class LocalDerivatives:
     """Per-node derivatives with seam signs applied, ready to be scattered; M is N, on strips N+1.
 
     `gradient` (7N,) of the energy; `constraints` (5N+3,) and `jacobian` (5,14,M) weighted by (2.47);
-    `hessian` (14,14,M) of the Lagrangian, on and above its diagonal, nonzero at `places` alone.
+    `entries` (E+37,M) are the structural ones of the Lagrangian's Hessian on and above its diagonal, which
+    stand at `places` (E,), and of the Jacobian, those of one place in the stencil together.
     """
 
     energy: float
     gradient: Array
     constraints: Array
     jacobian: Array
-    hessian: Array
+    entries: Array
     places: tuple[NDArray[np.intp], NDArray[np.intp]]
 
+    @property
     def jacobian_entries(self) -> Array:
-        """Structural entries of the Jacobian, (37M,), those of one place in the stencil together."""
-        return self.jacobian[JACOBIAN_ROWS, JACOBIAN_COLUMNS].ravel()
+        """Those of the Jacobian, (37,M)."""
+        return self.entries[self.places[0].size :]
 
+    @property
     def hessian_entries(self) -> Array:
-        """Structural entries of the Hessian on and above its diagonal, ordered likewise."""
-        return self.hessian[self.places].ravel()
+        """Those of the Hessian, (E,M)."""
+        return self.entries[: self.places[0].size]
 
 
 class Problem:
@@ -205,7 +209,8 @@ class Problem:
             if ends.end != FREE_END:
                 self.fixed[3:6] = True
                 self.target = displacement(ends)
-        self._masked = bool(self.fixed.any()) or self.stencil.seam is not Seam.CLOSED
+        self.any_fixed = bool(self.fixed.any())
+        self._masked = self.any_fixed or self.stencil.seam is not Seam.CLOSED
         weights = np.tile(row_weights(band), band.segments)
         if self.stencil.seam is Seam.HELD:
             weights[END_ROW] = 1.0
@@ -249,7 +254,8 @@ class Problem:
 
     def local(self, x: Array) -> Array:
         """The local vectors (14, M) at x (7N,)."""
-        return self.stencil.gather(np.concatenate((x, self._data)))
+        closed = self.stencil.seam is Seam.CLOSED
+        return self.stencil.gather(x if closed else np.concatenate((x, self._data)))
 
     def energy(self, x: Array) -> float:
         """Q_h, not divided by pi b, with the potential of loads where there are any."""
@@ -275,8 +281,8 @@ class Problem:
         """Constraint values (5N+3,) as written in (2.19), node by node, sum u last."""
         return self._constraints(self.local(x))
 
-    def _constraints(self, local: Array) -> Array:
-        values = constraint_values(self.band, local)
+    def _constraints(self, local: Array, shared: NodeConstraints | None = None) -> Array:
+        values = (shared or NodeConstraints(self.band, local)).values()
         for node in self.prescription.rulings:
             values[1, node] = local[G, node] @ local[U, node]
         if self.prescription.seam is not None:
@@ -316,21 +322,22 @@ class Problem:
     def local_derivatives(self, x: Array, multipliers: Array | None) -> LocalDerivatives:
         """All derivatives at x for multipliers (5N+3,), node by node; without, the Hessian is left zero."""
         local = self.local(x)
-        energy, gradient, jacobian, hessian = self.unmasked(local, multipliers)
+        shared = NodeConstraints(self.band, local)
+        energy, all_derivatives = self._unmasked(local, multipliers, shared)
         if self._masked:
             moves = ~np.concatenate((self.fixed, np.ones(self.stencil.seam.data, dtype=bool)))[
                 self.stencil.index
             ]
-            jacobian *= moves
-            hessian *= moves[:, None] & moves
-            gradient *= moves
+            all_derivatives[SIZE:] *= moves
+            all_derivatives[:SIZE] *= moves[:, None] & moves
+        couplings = self.layout.couplings
         return LocalDerivatives(
             energy,
-            self.gathered(gradient),
-            self._constraints(local) * self.weights,
-            jacobian,
-            hessian,
-            hessian_places(self.layout.couplings),
+            self.gathered(all_derivatives[-1]),
+            self._constraints(local, shared) * self.weights,
+            all_derivatives[SIZE:-1].copy(),
+            all_derivatives.reshape(-1, local.shape[1])[_entry_places(couplings)],
+            hessian_places(couplings),
         )
 
     def unmasked(self, local: Array, multipliers: Array | None) -> tuple[float, Array, Array, Array]:
@@ -338,17 +345,23 @@ class Problem:
 
         The energy, its gradient (14,M), the weighted Jacobian (5,14,M), the Lagrangian's Hessian (14,14,M).
         """
+        energy, out = self._unmasked(local, multipliers, NodeConstraints(self.band, local))
+        return energy, out[-1], out[SIZE:-1], out[:SIZE]
+
+    def _unmasked(
+        self, local: Array, multipliers: Array | None, shared: NodeConstraints
+    ) -> tuple[float, Array]:
+        """The energy, and Hessian, Jacobian and gradient one below the other, (20,14,M)."""
         band, seam = self.band, self.stencil
-        terms, gradient, hessian = self.bending.derivatives(local, with_hessian=multipliers is not None)
-        energy = float(terms.sum())
-        if hessian is None:
-            hessian = np.zeros((SIZE, SIZE, local.shape[1]))
+        out = np.zeros((SIZE + PER_NODE + 1, SIZE, local.shape[1]))
+        hessian, jacobian, gradient = out[:SIZE], out[SIZE:-1], out[-1]
+        energy = float(self.bending.fill(local, gradient, None if multipliers is None else hessian).sum())
         for term in self.terms:
             energy += float(term.values(local).sum())
             gradient += term.gradient(local)
             if multipliers is not None:
                 term.add_hessian(local, hessian)
-        jacobian = constraint_jacobian(band, local)
+        shared.fill_jacobian(jacobian)
         weights = row_weights(band)[:, None]
         curvature = np.zeros((PER_NODE, local.shape[1]))
         if multipliers is not None:
@@ -363,15 +376,15 @@ class Problem:
             jacobian[1, :, 0] = 0.0
             jacobian[[k for k in range(PER_NODE) if k != self._end_kind], :, -1] = 0.0
         if multipliers is not None:
-            add_constraint_hessian(band, local, curvature, hessian)
+            shared.add_hessian(curvature, hessian)
         jacobian *= weights[:, None]
         if seam.seam.strip:
-            seam.fold_back(gradient)
-            seam.fold_back(jacobian)
+            seam.fold_back(out[SIZE:])
             seam.fold_back_hessian(hessian)
-        for values in (gradient, jacobian, hessian, hessian.transpose(1, 0, 2)):
-            seam.apply_signs(values)
-        return energy, gradient, jacobian, hessian
+        seam.apply_signs(out)
+        if multipliers is not None:
+            seam.apply_signs(hessian.transpose(1, 0, 2))
+        return energy, out
 
     def gathered(self, values: Array) -> Array:
         """Sum local values (14,M) into a vector (7N,)."""
@@ -402,7 +415,7 @@ class Problem:
     def jacobian_matrix(self, local: LocalDerivatives) -> scipy.sparse.csc_matrix:
         """Assemble the weighted Jacobian (5N+3, 7N) from local derivatives."""
         closing = np.full(self.closing * self.band.segments, self.band.h)
-        values = np.concatenate((local.jacobian_entries(), closing))
+        values = np.concatenate((local.jacobian_entries.ravel(), closing))
         return _jacobian_scatter(self.layout).matrix(values)[:, : self.size]
 
     def hessian(self, x: Array, multipliers: Array) -> scipy.sparse.csc_matrix:
@@ -411,8 +424,8 @@ class Problem:
 
     def hessian_matrix(self, local: LocalDerivatives) -> scipy.sparse.csc_matrix:
         """Assemble the Lagrangian's Hessian (7N, 7N) from local derivatives."""
-        off = local.hessian[local.places][local.places[0] != local.places[1]].ravel()
-        values = np.concatenate((local.hessian_entries(), off))
+        entries = local.hessian_entries
+        values = np.concatenate((entries.ravel(), entries[local.places[0] != local.places[1]].ravel()))
         return _hessian_scatter(self.layout).matrix(values)[: self.size, : self.size]
 
     def gradient(self, x: Array) -> Array:

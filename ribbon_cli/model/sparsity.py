@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy
@@ -15,6 +16,8 @@ IntArray = NDArray[np.int64] | NDArray[np.int32]
 
 COMPACT_FROM = 1 << 20
 """Entries from which places are kept in 4 bytes: then memory counts for more than a conversion's time."""
+MOST_ROUNDS = 3
+"""Further entries of one place up to which they are taken in turn, which is quicker than to count through."""
 
 
 def _order(key: IntArray, before: IntArray | None, count: int) -> IntArray:
@@ -30,20 +33,44 @@ def _order(key: IntArray, before: IntArray | None, count: int) -> IntArray:
     return again if before is None else before[again]
 
 
+def stretched(one: IntArray, other: IntArray, more: int, nodes: int) -> IntArray:
+    """A run of whole numbers for `nodes` + `more` nodes, from `one` for `nodes` and `other` for one more.
+
+    Away from both ends each node has as many numbers, w, which grow from node to node and with the number of
+    nodes by the same steps; the run grows by w with a node. A run that does not grow may still change.
+    """
+    width = other.size - one.size
+    head = one.size - width * (nodes // 3)
+    out = np.empty(one.size + width * more, dtype=one.dtype)
+    first, last = out[:head], out[head + width * more :]
+    np.add(one[:head], more * (other[:head] - one[:head]), out=first)
+    np.add(one[head:], more * (other[head + width :] - one[head:]), out=last)
+    if width:
+        between = out[head : head + width * more].reshape(more, width)
+        step = first[-width:] - first[-2 * width : -width]
+        np.multiply(np.arange(1, more + 1, dtype=out.dtype)[:, None], step, out=between)
+        between += first[-width:]
+    return out
+
+
 @dataclass(frozen=True)
 class Scatter:
     """Sums entries given in a fixed order of (row, column) into a CSC matrix.
 
-    `slot` maps each entry to its place in the matrix's data; entries that share a place add up.
+    `slot` maps each entry to its place in the matrix's data; entries that share a place add up. The last
+    `zeros` entries are always zero, and one value stands for all of them.
     """
 
     shape: tuple[int, int]
     indptr: NDArray[np.int32]
     indices: IntArray
     slot: IntArray
+    zeros: int = 0
 
     @classmethod
-    def build(cls, rows: NDArray[np.int64], columns: NDArray[np.int64], shape: tuple[int, int]) -> Scatter:
+    def build(
+        cls, rows: NDArray[np.int64], columns: NDArray[np.int64], shape: tuple[int, int], zeros: int = 0
+    ) -> Scatter:
         """Build the pattern from the entries' rows and columns, both (E,)."""
         below, beside = rows.astype(np.int32), columns.astype(np.int32)
         order = _order(beside, _order(below, None, shape[0]), shape[1])
@@ -56,13 +83,38 @@ class Scatter:
             slot = slot.astype(np.int64)
         indptr = np.zeros(shape[1] + 1, dtype=np.int32)
         np.cumsum(np.bincount(column[first], minlength=shape[1]), out=indptr[1:])
-        return cls(shape, indptr, row[first], slot)
+        return cls(shape, indptr, row[first], slot, zeros)
+
+    @cached_property
+    def _rounds(self) -> list[tuple[IntArray, IntArray]] | None:
+        """Places and entries, the first entries of all places first, then the second ones of those that have
+        more; None where memory counts or many entries share a place."""
+        if self.slot.size > COMPACT_FROM:
+            return None
+        known = self.slot.size - self.zeros
+        order = np.argsort(self.slot[:known], kind="stable")
+        place = self.slot[order]
+        begins = np.flatnonzero(np.diff(place, prepend=-1))
+        number = np.arange(known) - np.repeat(begins, np.diff(begins, append=known))
+        first = np.full(self.indices.size, known)  # the value that stands for zeros
+        first[place[begins]] = order[begins]
+        more = [number == k for k in range(1, int(number.max(initial=0)) + 1)]
+        if len(more) > MOST_ROUNDS:
+            return None
+        return [(np.arange(self.indices.size), first), *((place[k], order[k]) for k in more)]
 
     def data(self, values: Array) -> Array:
         """Summed values in CSC order, (nnz,)."""
-        return np.bincount(self.slot, weights=values, minlength=self.indices.size).astype(
-            np.float64, copy=False
-        )
+        rounds = self._rounds
+        if rounds is None:
+            slot = self.slot[: values.size]
+            return np.bincount(slot, weights=values, minlength=self.indices.size).astype(
+                np.float64, copy=False
+            )
+        out: Array = values.take(rounds[0][1])
+        for places, entries in rounds[1:]:
+            out[places] += values.take(entries)
+        return out
 
     def matrix(self, values: Array) -> scipy.sparse.csc_matrix:
         """Return the CSC matrix of the entries' values (E,)."""

@@ -158,6 +158,20 @@ def cross(a: Array, b: Array) -> Array:
     return out
 
 
+def norms(a: Array) -> Array:
+    """Squares (k, N) of k vectors, stacked (3k, N)."""
+    each = (a * a).reshape(-1, 3, a.shape[1])
+    out: Array = each[:, 0] + each[:, 1] + each[:, 2]
+    return out
+
+
+def diagonal(hessian: Array, row: int, column: int, size: int = 3) -> Array:
+    """A view (size, N) of entries (row + i, column + i) of local Hessians (14, 14, N)."""
+    first = SIZE * row + column
+    out: Array = hessian.reshape(SIZE * SIZE, -1)[first : first + (SIZE + 1) * size : SIZE + 1]
+    return out
+
+
 def add_diagonal(block: Array, value: Array) -> None:
     """Add value (N,) times the identity to a block (3, 3, N) in place."""
     for i in range(3):

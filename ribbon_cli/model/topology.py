@@ -123,7 +123,7 @@ def open_writhe(vertices: Array) -> float:
 
 
 def _areas(vertices: Array, edges: Array, first: int) -> Array:
-    """Areas as in `writhe_reference`, of the edges from `first` on with those from the next but one on.
+    """Signed areas of the directions between edges, from `first` on, with those from the next but one on.
 
     Both triangles of a quadrilateral have the volume r13 . (e_i x e_j), as r14 = r13 + e_j and so on.
     """
@@ -200,33 +200,6 @@ def _writhe(u: bytes, h: float) -> float:
         if value is not None:
             return value
     raise ValueError("the writhe is not defined: the midline meets itself or folds back upon itself")
-
-
-def writhe_reference(u: Array, h: float) -> float:
-    """Writhe by the exact Gauss double integral (Klenin & Langowski (2000), 1a), in O(N^2) time and memory.
-
-    Each pair of edges adds the signed area Omega_ij of the spherical quadrilateral of the directions from one
-    edge to the other, Wr = sum_{i<j} Omega_ij / (2 pi). The areas are computed as two triangles each by van
-    Oosterom & Strackee (1983), without the loss of digits that arcsines have on flat quadrilaterals.
-    Arguments and errors as for `writhe`; a polygon that meets itself is not noticed.
-    """
-    _, start = _polygon(u, h)
-    stop = np.roll(start, -1, axis=0)
-    i, j = np.triu_indices(len(start), k=2)
-    apart = j - i < len(start) - 1  # neighbouring edges span a plane and add nothing
-    i, j = i[apart], j[apart]
-    r13, r14 = start[j] - start[i], stop[j] - start[i]
-    r23, r24 = start[j] - stop[i], stop[j] - stop[i]
-    area = _solid_angle(r13, r14, r24) + _solid_angle(r13, r24, r23)
-    return -float(np.sum(area)) / math.tau
-
-
-def _solid_angle(a: Array, b: Array, c: Array) -> Array:
-    """Signed solid angles (M,) of the triangles with corners a, b, c (M, 3), seen from the origin."""
-    na, nb, nc = (np.linalg.norm(v, axis=1) for v in (a, b, c))
-    volume = _dot(a, _cross(b, c))
-    result: Array = 2 * np.arctan2(volume, na * nb * nc + _dot(a, b) * nc + _dot(b, c) * na + _dot(c, a) * nb)
-    return result
 
 
 def _writhe_along(u: Array, p: Array, h: float, z: Array, basis: Array) -> float | None:

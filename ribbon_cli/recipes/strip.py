@@ -22,13 +22,14 @@ if TYPE_CHECKING:
     import scipy
 
     from ..model import band as bands
-    from ..model import bending, folding, terms
+    from ..model import bending, folding, staggered, terms
     from ..model import strip_folding as strips
     from ..model.band import Array, Band, State
 else:
     np, scipy = Later("numpy"), Later("scipy")
-    bands, bending, folding, terms, strips = (
-        Later(f"ribbon_cli.model.{name}") for name in ("band", "bending", "folding", "terms", "strip_folding")
+    bands, bending, folding, staggered, terms, strips = (
+        Later(f"ribbon_cli.model.{name}")
+        for name in ("band", "bending", "folding", "staggered", "terms", "strip_folding")
     )
 
 COARSE = 24
@@ -51,14 +52,9 @@ def elastica(band: Band) -> State:
     coarse = band.with_segments(min(band.segments, COARSE))
     angles = _Plane(coarse, ends).minimum(_bump(coarse, ends))
     if coarse.segments < band.segments:
-        middles, own = (_middles(each) for each in (coarse, band))
+        middles, own = (staggered.facets(each) for each in (coarse, band))
         angles = scipy.interpolate.CubicSpline(middles, angles)(own)
     return _state(band, angles)
-
-
-def _middles(band: Band) -> Array:
-    out: Array = band.h * (np.arange(band.segments, dtype=np.float64) + 0.5)
-    return out
 
 
 def _state(band: Band, angles: Array) -> State:
@@ -71,7 +67,7 @@ def _state(band: Band, angles: Array) -> State:
 def _bump(band: Band, ends: Ends) -> Array:
     """Angles (N,) to begin at: a bump to +y whose span is about right, or straight on where the end is
     free."""
-    part = _middles(band) / band.length
+    part = staggered.facets(band) / band.length
     if ends.end == FREE:
         return np.zeros(band.segments)
     chord = math.hypot(ends.span, ends.lift) / band.length

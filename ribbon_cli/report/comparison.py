@@ -16,17 +16,17 @@ if TYPE_CHECKING:
     from ribbon_cli.store.fields import Value
 
 _ORDER = ("/origin/label", "/origin/parent")
-"""Where a state stands in its run, not what it is."""
+"""Datasets that say where a state stands in its run, not what it is."""
 IDENTICAL, SAME, DIFFERENT = "identical", "same to rounding", "different"
 """The three answers of a comparison."""
 
 
 @dataclass(frozen=True)
 class Judgement:
-    """One of the three answers, the largest relative difference, and the path of what differs so much.
+    """One of the three answers, the largest relative difference and the path of the dataset that has it.
 
-    Both are None where nothing differs, and the difference where what differs is no number. `image` says how
-    the second shape is an image of the first (numbered, turned), None where it is not.
+    Both are None if nothing differs; the difference alone is None if the dataset holds no numbers. `image`
+    says how the second shape is an image of the first (renumbered, turned), None if it is not.
     """
 
     answer: str
@@ -36,15 +36,14 @@ class Judgement:
 
 
 Judge = Callable[["StateRecord", "StateRecord"], Judgement]
-"""What says of two states how far they are the same."""
+"""A function that judges how far two states agree."""
 
 
 @dataclass(frozen=True)
 class FieldPair:
-    """One dataset of two states: `first` and `second` are scalars, or shapes of arrays, None where there is
-    none.
+    """One dataset of two states: scalars, or the shapes of arrays; None where a state does not have it.
 
-    `difference` is the largest absolute one of numbers of one shape, else None.
+    `difference` is the largest absolute difference of numbers of one shape, else None.
     """
 
     path: str
@@ -56,9 +55,7 @@ class FieldPair:
 
 @dataclass(frozen=True)
 class StatePair:
-    """A state of one run beside that of the other that ended the same stage; labels, None where there is
-    none.
-    """
+    """The labels of two runs' states that ended the same stage; None where a run has no such state."""
 
     stage: str
     kind: str
@@ -70,7 +67,7 @@ class StatePair:
 
 
 def compare_states(first: StateRecord, second: StateRecord) -> list[FieldPair]:
-    """Every dataset of two states, in the order of the format's table; equal means to the last bit."""
+    """Every dataset of two states, in the order of the format's table; equal means equal to the last bit."""
     one = {field.item.path: field.value for field in flatten(first)}
     two = {field.item.path: field.value for field in flatten(second)}
     return [_pair(path, one.get(path), two.get(path)) for path in dict.fromkeys([*one, *two])]
@@ -140,7 +137,7 @@ def compare_runs(first: Run, second: Run, judge: Judge) -> list[StatePair]:
 
 
 def decided(pairs: Sequence[StatePair]) -> tuple[Judgement, StatePair | None]:
-    """How far two runs are the same, and the pair that decides it: the one furthest apart, if any is."""
+    """How far two runs agree, and the pair of states that decides it: the one that differs most."""
     for answer in (DIFFERENT, SAME):
         these = [pair for pair in pairs if pair.judgement.answer == answer]
         if these:
@@ -150,7 +147,7 @@ def decided(pairs: Sequence[StatePair]) -> tuple[Judgement, StatePair | None]:
 
 
 def _by_stage(run: Run) -> dict[tuple[str, str, int], Summary]:
-    """States by kind, stage and how often both occurred before."""
+    """States by kind, stage and the number of earlier states of the same kind and stage."""
     seen: defaultdict[tuple[str, str], int] = defaultdict(int)
     found = {}
     for state in run.states(all=True):

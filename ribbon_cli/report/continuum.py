@@ -1,6 +1,6 @@
 """How far discrete bands are from the continuum, and at which order they approach it: values, tables, text.
 
-`ribbon_cli.analysis.continuum` fills these; they know no state and compute nothing but orders.
+`ribbon_cli.analysis.continuum` computes the values. This module reads no state and computes orders alone.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ MISSING = "-"
 class Quantity:
     """One number that says how far a state is from the continuum.
 
-    `section` and `name` say what it is, `equation` which of Koldaev (2022), `zone` where along the band the
-    largest size was taken, of vectors the length ("" for what belongs to the whole band). It tends to zero
-    with h, or to a limit if `limit`. Values below `floor` are made of the solver's tolerance or of rounding.
-    Not-a-number: undefined.
+    `section` and `name` say what it is, and `equation` names an equation of Koldaev (2022). `value` is the
+    largest size in `zone`, a part of the band ("" for the whole band); a vector's size is its length. It
+    tends to zero with h, or to a limit if `limit` is set. Values below `floor` come from the solver's
+    tolerance or from rounding. Not-a-number: undefined.
     """
 
     section: str
@@ -56,8 +56,8 @@ class Continuum:
 class OrderRow:
     """A quantity over N: `values` (n,), and the observed `orders` between neighbours, (n - 1,).
 
-    Of a quantity with a `limit`, orders are those of its differences, (n - 2,). None where there is none: a
-    value that is not known or below its floor, or a change of sign.
+    Of a quantity with a `limit`, orders are those of its differences, (n - 2,). None: a value is
+    unknown or below its floor, or the sign changes.
     """
 
     section: str
@@ -128,7 +128,7 @@ def _row(segments: Sequence[int], found: Sequence[Quantity | None]) -> OrderRow:
 
 
 def _order(coarse: float | None, fine: float | None, m: int, n: int) -> float | None:
-    """Observed order of two sizes at N = m and n; none where the sign changes."""
+    """Observed order of two sizes at N = m and n; None where the sign changes."""
     if coarse is None or fine is None or coarse * fine <= 0.0:
         return None
     return math.log(coarse / fine) / math.log(n / m)

@@ -1,4 +1,4 @@
-"""Convergence of the energy under refinement (Koldaev (2022), section 3.6), and an honest extrapolation.
+"""Convergence of the energy under refinement (Koldaev (2022), section 3.6), and its extrapolation.
 
 Pure functions over numbers: they read no file, and import only the standard library.
 """
@@ -36,7 +36,7 @@ FALL = 2.0**ORDER
 """Ratio of successive differences once the order has settled."""
 
 SOLVER_FLOOR = 1e-11
-"""Relative size below which a difference of energies is the solver's tolerance and not the grid's doing."""
+"""Relative size below which a difference of energies comes from the solver's tolerance, not from the grid."""
 
 
 Others = tuple[tuple[str, float | None], ...]
@@ -48,7 +48,7 @@ class Entry:
     """Energy Q_h of one state: `half_width` b, `segments` N, `energy` (None or not finite: unknown).
 
     `breaks` is empty, or says why the state is not on the branch of the entry with N/2. `others` are the
-    parameters besides b that the entries of a table differ in: energies of several values are never mixed.
+    parameters besides b in which the entries of a table differ: energies of different values are never mixed.
     """
 
     half_width: float
@@ -62,13 +62,13 @@ class Entry:
 
 @dataclass(frozen=True)
 class Row:
-    """One line of the table; what cannot be computed from the energies at hand is None.
+    """One line of the table; None stands for what the given energies do not determine.
 
-    `delta` = |E_N - E_2N| (3.11), `ratio` = Delta_N / Delta_2N, `order` = log2(ratio) unless the two
-    differences have opposite signs: then there is none, and `note` says so. Nor is there a ratio or order
-    where one of the energies is another minimum's; `note` says where `delta` has no meaning for that.
-    `certified` speaks of E_N alone; `note` names every energy behind `delta` that has no certificate, and the
-    row is `doubtful` for such an energy, or for one that is of another minimum.
+    `delta` = |E_N - E_2N| (3.11), `ratio` = Delta_N / Delta_2N, `order` = log2(ratio). If the two differences
+    have opposite signs, there is no order, and `note` says so. If one of the energies belongs to another
+    minimum, there is neither ratio nor order, and `note` says whether `delta` is affected. `certified` is
+    that of E_N alone. `note` names every energy in `delta` that has no certificate. The row is `doubtful` if
+    `delta` uses such an energy, or one of another minimum.
     """
 
     half_width: float
@@ -88,8 +88,8 @@ class Row:
 class Extrapolation:
     """What the energies of one half-width say about N -> infinity.
 
-    `energy` +- `error`: Richardson's value if `settled`, else the finest certified energy with a bar that
-    allows for what refinement may still do; None where nothing can be said. `order` is the order observed in
+    `energy` +- `error`: Richardson's value if `settled`, else the finest certified energy with a bar for the
+    change that refinement may still bring; None where nothing can be said. `order` is the order observed in
     the three finest energies (None: too few of them, or differences that show none), `segments` the finest N
     used, `reason` why the order is taken as settled or not.
     """
@@ -256,11 +256,12 @@ def _steady(changes: Sequence[float]) -> bool:
 def _unsettled_error(previous: float, last: float, octaves: int) -> float | None:
     """A bar about the finest energy while the order has not settled.
 
-    A last difference below a quarter of the one before is taken for a cancellation, not for progress. Of the
-    size that remains, one difference is allowed for each octave until h/b is small enough for a rate to hold,
-    and one for everything after it: the sum of a tail that falls at first order, or at the rate observed
-    where that is slower. On a resolved grid, energies that go to and fro are uncertain by the larger of
-    their last two differences, and differences of one sign that do not fall bound nothing: None.
+    If the last difference is below a quarter of the one before, this counts as a cancellation, and the
+    quarter is used as its size. On an unresolved grid, the bar is one difference of that size for each octave
+    until h/b is small enough for a rate to hold, and one for everything after it: the sum of a tail that
+    falls at first order. On a resolved grid, it is the sum of such a tail, or of one that falls at the
+    observed rate if that is slower. If the last two differences have opposite signs there, it is the larger
+    of them. If they have one sign and do not fall, nothing bounds the error: None.
     """
     size = max(abs(last), abs(previous) / FALL)
     if octaves:

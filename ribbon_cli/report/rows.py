@@ -38,8 +38,8 @@ class Column:
 
 @dataclass(frozen=True)
 class Rows:
-    """Columns and rows; `shown` are the columns that people see of it where they name none, `keys` those that
-    tell its states apart.
+    """Columns and rows; `shown` are the columns that text shows by default, `keys` those that tell the states
+    apart.
     """
 
     columns: tuple[Column, ...]
@@ -55,7 +55,7 @@ class Rows:
         return replace(self, rows=tuple(row for row in self.rows if holds(row)))
 
     def only(self, names: Sequence[str]) -> Rows:
-        """Some of the columns, in the order given. Raises UsageError for one that there is not."""
+        """Some of the columns, in the order given. Raises UsageError for an unknown column."""
         known = {column.name: column for column in self.columns}
         for name in names:
             if name not in known:
@@ -68,7 +68,7 @@ class Rows:
 
 
 def _plain(value: Any, column: Column) -> Any:
-    """A value of a column's type; several texts are one, with `; ` between them."""
+    """A value of a column's type; several texts are joined by `; `."""
     if value is None or (isinstance(value, float) and math.isnan(value)):
         return None
     if column.dtype == "utf-8":
@@ -80,7 +80,7 @@ def _plain(value: Any, column: Column) -> Any:
 
 
 def text(table: Rows) -> str:
-    """Aligned columns, those that are `shown`."""
+    """The `shown` columns, aligned."""
     chosen = table.only(table.shown).columns
     cells = [[_cell(value, column) for value in table.values(column)] for column in chosen]
     left = {k for k, column in enumerate(chosen) if column.dtype == "utf-8"}
@@ -107,7 +107,7 @@ def records(table: Rows) -> list[dict[str, Any]]:
 
 
 def csv_bytes(table: Rows) -> bytes:
-    """CSV: numbers to full precision, missing values empty, truth values `true` and `false`."""
+    """CSV: numbers to full precision, missing values as empty cells, truth values as `true` and `false`."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow([column.name for column in table.columns])
@@ -123,7 +123,7 @@ def _csv_cell(value: Any) -> Any:
 
 
 def parquet_bytes(table: Rows) -> bytes:
-    """One Parquet file; widths and all other numbers with a point are float64, hashes texts.
+    """One Parquet file; numbers with a decimal point are float64, hashes are texts.
 
     Raises UsageError without pyarrow.
     """
@@ -144,8 +144,8 @@ def parquet_bytes(table: Rows) -> bytes:
 def netcdf_bytes(table: Rows) -> bytes:
     """A netCDF-4 file: a variable for each column over the dimension `state`.
 
-    What is missing is not-a-number, or an empty text; whole numbers that may be missing are float64, truth
-    values bytes of 1 and 0. Raises UsageError without h5netcdf.
+    A missing value is not-a-number or an empty text. Whole numbers are float64 if one is missing. Truth
+    values are bytes, 1 or 0. Raises UsageError without h5netcdf.
     """
     import numpy as np
 

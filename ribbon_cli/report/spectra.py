@@ -1,4 +1,4 @@
-"""Spectra and their convergence: what is told of them, as JSON, text, Markdown and CSV."""
+"""Spectra and their convergence as JSON, text, Markdown and CSV."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ribbon_cli.text import aligned, pipes
 
 @dataclass(frozen=True)
 class Told:
-    """What `--json` prints, of which the other formats show the most of."""
+    """What `--json` prints; the other formats show most of it."""
 
     def document(self) -> dict[str, Any]:
         """Plain values; not-a-number is None."""
@@ -32,7 +32,7 @@ class Mode:
     """One mode. `bound` limits the error of `value`, roundoff included; `residual` leaves roundoff out.
 
     `hidden` is the share of the mode's xi that the energy does not see (checkerboard modes: above 1/2).
-    `symmetry` gives for each symmetry of the state by name <v, T v> in [-1, 1]: +1 symmetric, -1
+    `symmetry` gives <v, T v> in [-1, 1] for each symmetry of the state by its name: +1 symmetric, -1
     antisymmetric, in between for modes of a multiple eigenvalue that the symmetry mixes.
     """
 
@@ -46,7 +46,7 @@ class Mode:
 
     @property
     def parity(self) -> str:
-        """Signs under each symmetry in words, one letter each: s, a, or x where neither."""
+        """One letter for each symmetry: s symmetric, a antisymmetric, x neither."""
         return "".join(
             "s" if c > 1 - CLEAR else "a" if c < CLEAR - 1 else "x" for c in self.symmetry.values()
         )
@@ -63,7 +63,7 @@ class Counts:
 
 @dataclass(frozen=True)
 class Element:
-    """One symmetry: an orthogonal map, with a shift by facets, backwards or turned over."""
+    """One symmetry: an orthogonal map and a shift by facets, with or without reversal and turning over."""
 
     name: str
     matrix: list[list[float]]
@@ -88,9 +88,7 @@ class Group:
 
 @dataclass(frozen=True)
 class StateSpectrum(Told):
-    """What is told of one state's spectrum; `run` is None for a state from elsewhere, `parameters` of a band
-    that closes.
-    """
+    """One state's spectrum; `run` is None for a state of no run, `parameters` is None for a closed band."""
 
     run: str | None
     label: int
@@ -112,7 +110,7 @@ class StateSpectrum(Told):
     parameters: Mapping[str, float] | None = None
 
     def document(self) -> dict[str, Any]:
-        """As of any, with `parameters` of strips alone."""
+        """Plain values; `parameters` are those of strips alone."""
         plain = super().document()
         if self.parameters is None:
             del plain["parameters"]
@@ -121,14 +119,14 @@ class StateSpectrum(Told):
 
 @dataclass(frozen=True)
 class RunSpectra(Told):
-    """The spectra of all of a run's equilibria."""
+    """The spectra of all equilibria of a run."""
 
     run: str
     metric: str
     states: tuple[StateSpectrum, ...]
 
     def document(self) -> dict[str, Any]:
-        """As of any, state by state."""
+        """Plain values, state by state."""
         return super().document() | {"states": [state.document() for state in self.states]}
 
 
@@ -136,10 +134,10 @@ class RunSpectra(Told):
 class ModeSequence:
     """One mode at one half-width over N, ascending.
 
-    `others` are the parameters besides b that the run's states differ in: several values are never mixed.
-    `label` is sliding, mode or checkerboard; `number` counts within the label from 1. `orders` belong to
-    the first N of each three that double; of the sliding mode, which falls to zero, to the first of each two:
-    log2(value_N / value_2N). `limit` is None for it, and where nothing can be said.
+    `others` are the parameters besides b in which the run's states differ: different values are never mixed.
+    `label` is sliding, mode or checkerboard; `number` counts within the label from 1. Each of the `orders`
+    belongs to the first of three N that double. The sliding mode falls to zero; its orders are
+    log2(value_N / value_2N), and its `limit` is None. Elsewhere `limit` is None where nothing can be said.
     """
 
     half_width: float
@@ -174,7 +172,7 @@ class SpectralTable(Told):
     notes: tuple[str, ...]
 
     def document(self) -> dict[str, Any]:
-        """As of any, with `parameters` where others than the half-width vary."""
+        """Plain values, with `parameters` where others than the half-width vary."""
         plain = super().document()
         for sequence in plain["sequences"]:
             if others := sequence.pop("others"):
@@ -184,7 +182,7 @@ class SpectralTable(Told):
 
 MISSING = "-"
 _MODE = ("value", "bound", "label", "sliding_overlap", "hidden")
-"""Numbers of a mode that CSV has, of one state and of all of a run."""
+"""Fields of a mode in CSV, of one state and of a whole run."""
 
 
 def render(told: Told, style: str) -> str:
@@ -223,7 +221,7 @@ def _spectrum_csv(told: StateSpectrum) -> str:
 def _convergence(told: SpectralTable, style: str) -> str:
     """Sequences of eigenvalues by half-width, a column for each N, with orders and limits.
 
-    Text says why limits are settled or not.
+    Text says why limits are not settled.
     """
     blocks, notes = [], told.notes
     for place, rows in _by_place(told):
@@ -255,9 +253,9 @@ def _convergence_csv(told: SpectralTable) -> str:
 
 
 def _run(told: RunSpectra, style: str) -> str:
-    """A line for each state: how its spectrum ends below, how many modes are checkerboards.
+    """A line for each state: its lowest eigenvalue, and how many modes are checkerboards.
 
-    Markdown has the states one after the other, each with its table.
+    Markdown has a table for each state, one after the other.
     """
     if style == "markdown":
         return "\n".join(_spectrum(state, style) for state in told.states)
@@ -303,7 +301,7 @@ def _heading(told: StateSpectrum) -> list[str]:
 
 
 def _spectrum_rows(told: StateSpectrum) -> list[list[str]]:
-    """A strip with ends slides nowhere: it has no column for that."""
+    """The modes in columns, heads first; a strip with ends cannot slide and has no such column."""
     names, slides = told.symmetries, told.parameters is None
     rows = [["", "value", "+-", "label", *(["sliding"] if slides else []), "hidden", *names]]
     for k, mode in enumerate(told.modes, 1):
@@ -314,14 +312,14 @@ def _spectrum_rows(told: StateSpectrum) -> list[list[str]]:
 
 
 def _sign(character: float | None) -> str:
-    """+ for symmetric, - for antisymmetric, else the number; nothing where there is none."""
+    """+ for symmetric, - for antisymmetric, else the number; empty without one."""
     if character is None or math.isnan(character):
         return ""
-    return "+" if character > 0.999 else "-" if character < -0.999 else f"{character:.3f}"
+    return "+" if character > 1 - CLEAR else "-" if character < CLEAR - 1 else f"{character:.3f}"
 
 
 def _by_place(told: SpectralTable) -> Iterable[tuple[str, list[list[str]]]]:
-    """For each half-width and other parameters the rows of their table, heads first."""
+    """The rows of the table of each half-width and other parameters, heads first."""
     for place in dict.fromkeys(item.place for item in told.sequences):
         items = [item for item in told.sequences if item.place == place]
         grid = sorted({n for item in items for n in item.segments})
@@ -345,7 +343,7 @@ def _limit(item: ModeSequence) -> str:
 
 
 def _reasons(told: SpectralTable, place: str) -> str:
-    """Why limits are taken as settled or not, each reason once."""
+    """Why limits are not taken as settled, each reason once."""
     reasons: dict[str, list[str]] = {}
     for item in told.sequences:
         if item.place == place and item.label != "checkerboard" and not item.settled:

@@ -1,7 +1,7 @@
 """The convergence table as text, Markdown, LaTeX, CSV and JSON.
 
-Every format shows the rows, the extrapolations and which energies have no certificate. Text and LaTeX take
-further columns, as of published numbers.
+Every format shows the rows, the extrapolations and which energies have no certificate. Text and LaTeX accept
+further columns, such as published numbers.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _LIMIT = ("extrapolated_energy", "extrapolation_error", "settled")
 """Columns of a CSV beside the rows' own."""
 _FOR_PICTURES = "doubtful"
 _OTHERS = "others"
-"""The field of a row that people read in its note."""
+"""The field of parameters other than b, which has columns of its own."""
 
 _LATEX = {"_": r"\_", "|": "$|$", "<": "$<$", ">": "$>$", "%": r"\%", "&": r"\&", "#": r"\#", "^": r"\^{}"}
 
@@ -90,16 +90,16 @@ def as_latex(table: Table, beside: Beside = NOTHING) -> str:
 
 
 def as_csv(table: Table) -> str:
-    """One line a row, numbers to full precision, missing ones empty; the extrapolation repeats in a group.
+    """One line for each row: numbers to full precision, missing ones empty, the group's extrapolation.
 
-    The header is there for a table without rows, too.
+    A table without rows has the header, too.
     """
     columns = [field.name for field in fields(Row) if field.name not in (_FOR_PICTURES, _OTHERS)]
     return csv_text(records(table), [*columns, *(dict(table.rows[0].others) if table.rows else ()), *_LIMIT])
 
 
 def records(table: Table) -> list[dict[str, object]]:
-    """The rows as flat records, each with the parameters that rows differ in and the extrapolation there."""
+    """The rows as flat records, with the parameters in which rows differ and the group's extrapolation."""
     limits = {
         (item.half_width, item.others): dict(
             zip(_LIMIT, (item.energy, item.error, item.settled), strict=True)
@@ -116,19 +116,19 @@ def _record(row: Row) -> dict[str, object]:
 
 
 def _nested(row: Row | Extrapolation) -> dict[str, object]:
-    """A row for JSON, with `parameters` besides b where rows differ in such."""
+    """A row for JSON, with `parameters` besides b if rows differ in them."""
     record = _record(row) if isinstance(row, Row) else asdict(row)
     record.pop(_OTHERS, None)
     return record | ({"parameters": dict(row.others)} if row.others else {})
 
 
 def _place(row: Row | Extrapolation) -> str:
-    """The half-width, with the parameters that rows differ in: `0.1, shear = 0.3`."""
+    """The half-width, with the parameters in which rows differ: `0.1, shear = 0.3`."""
     return f"{row.half_width:.10g}" + "".join(f", {name} = {value:.10g}" for name, value in row.others)
 
 
 def csv_text(records: Sequence[Mapping[str, object]], columns: Sequence[str] = ()) -> str:
-    """Records of the same keys as CSV, the keys in the first line; of none the `columns`, if given."""
+    """Records with the same keys as CSV, the keys in the first line; without records, `columns`."""
     out = io.StringIO()
     columns = columns or list(records[0] if records else ())
     if columns:
@@ -182,12 +182,12 @@ def _cells(row: Row) -> list[str]:
 
 
 def _latex(text: str) -> str:
-    """A text with what LaTeX would obey escaped, and powers of ten written out."""
+    """A text with LaTeX's special characters escaped, and powers of ten written out."""
     return powers("".join(_LATEX.get(character, character) for character in text))
 
 
 def _latex_number(cell: str) -> str:
-    """A cell in mathematics mode, 1e-05 as a power of ten; a footnote's mark stays behind it."""
+    """A cell in mathematics mode, 1e-05 as a power of ten; a footnote's mark follows outside of it."""
     number, _, mark = cell.partition(" ")
     if number == MISSING or number in ("yes", "no"):
         return "--" if number == MISSING else number

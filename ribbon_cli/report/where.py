@@ -1,8 +1,8 @@
 """Conditions on rows of a table: columns compared with values, `and`, `or`, `not`; nothing else.
 
-A text is read by Python's own parser and walked by a list of what is allowed, so that nothing is evaluated. A
-comparison with a value that is missing does not hold. Numbers are equal where they agree to 1e-9, as widths
-in references do.
+Python's own parser reads the text. Only the nodes that are listed here are accepted, and nothing is
+evaluated. A comparison with a missing value does not hold. Numbers are equal if they agree to 1e-9, as widths
+in references are.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from ribbon_cli.errors import UsageError
 from ribbon_cli.store import suggest
 
 LONGEST = 2000
-"""Characters of a condition."""
+"""Most characters of a condition."""
 EQUAL = 1e-9
 
 
@@ -39,9 +39,9 @@ _WORDS = {"number": "a number", "text": "a text", "truth": "true or false"}
 
 
 def condition(text: str, kinds: Mapping[str, str]) -> Condition:
-    """The condition that a text is; `kinds` says of each column whether it is `number`, `text` or `truth`.
+    """The condition that a text states; `kinds` is `number`, `text` or `truth` for each column.
 
-    Raises UsageError, one line with the column of the text, for what it does not understand.
+    Raises UsageError, one line with the place in the text, for what is not understood.
     """
     return _Reader(text, kinds).read()
 
@@ -140,7 +140,7 @@ class _Reader:
 
 
 def _both(first: Any, second: Any, holds: Callable[[Any, Any], bool]) -> bool:
-    """Whether a comparison holds of two values; of one that is missing none does."""
+    """Whether a comparison of two values holds; with a missing value it does not."""
     return not (_missing(first) or _missing(second)) and holds(first, second)
 
 

@@ -8,13 +8,14 @@ are scaled by fixed powers of h and b, so that entries are of order one at every
 from __future__ import annotations
 
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
 import qdldl
 import scipy
 from numpy.typing import NDArray
+from scipy.sparse._sparsetools import csr_matvec
 
 from ..model.band import Array, Band
 from ..model.constraints import PER_NODE
@@ -27,14 +28,23 @@ from ..model.problem import (
     Problem,
     hessian_places,
 )
-from ..model.sparsity import COMPACT_FROM, IntArray, Scatter
+from ..model.sparsity import COMPACT_FROM, IntArray, Scatter, stretched
 from ..model.stencil import Seam, indices
 
 BLOCK = 7 + PER_NODE
 FINE = 3200
 """Segments beyond which memory counts: patterns and factors that could serve again are not all kept."""
+TEMPLATE = 20
+"""Segments of the small grid from which patterns are stretched, of which half are clear of the seam."""
+DIRECTLY = 1000
+"""Segments up to which stretching takes as long as sorting."""
+_ZERO = np.zeros(1)
 ROWS_AT_ONCE = 1 << 16
 """Rows of the matrix that are in extended precision at one time."""
+
+
+Places = list[tuple[IntArray, IntArray]]
+"""For each array of blocks the data that it takes, and where in it they go."""
 
 
 class FactorisationError(ArithmeticError):
@@ -47,7 +57,7 @@ class Pattern:
 
     `diagonal` are the places of the diagonal in the upper triangle's data, which becomes the whole matrix's
     by data[whole_source]; the matrices are empty ones to fill. `idle` factorisations share this pattern's
-    symbolic one.
+    symbolic one. `chains` are places of nodes in a row by their first node and their number.
     """
 
     upper: Scatter
@@ -56,6 +66,7 @@ class Pattern:
     whole_matrix: scipy.sparse.csr_matrix
     whole_source: IntArray
     idle: list[qdldl.Solver] = field(default_factory=list)
+    chains: dict[tuple[int, int], list[Places]] = field(default_factory=dict)
 
 
 def _pattern(layout: Layout, rotations: int) -> Pattern:
@@ -64,7 +75,14 @@ def _pattern(layout: Layout, rotations: int) -> Pattern:
 
 
 def _built_pattern(layout: Layout, rotations: int) -> Pattern:
-    """Build the pattern, in the order of entries of `KKTMatrix`."""
+    """Build the pattern: that of a small grid, or one stretched from two of these."""
+    if layout.segments <= DIRECTLY:
+        return pattern_of(_upper(layout, rotations))
+    return _stretched_pattern(layout, rotations)
+
+
+def _upper(layout: Layout, rotations: int) -> Scatter:
+    """The upper triangle, in the order of entries of `KKTMatrix`."""
     n, size, closing = layout.segments, 7 * layout.segments, layout.seam.closing
     # What is not an unknown carries zeros only.
     index = indices(n, layout.seam)[1].astype(np.int32)
@@ -79,12 +97,61 @@ def _built_pattern(layout: Layout, rotations: int) -> Pattern:
     every = np.arange(total)
     rows = (np.minimum(one, other), index[JACOBIAN_COLUMNS], tangents, np.tile(moving, rotations), every)
     columns = (np.maximum(one, other), jac_columns, close_columns, gauge_columns, every)
-    upper = Scatter.build(
+    return Scatter.build(
         np.concatenate([r.ravel().astype(np.int32, copy=False) for r in rows]),
         np.concatenate([c.ravel().astype(np.int32, copy=False) for c in columns]),
         (total, total),
+        zeros=total,
     )
-    return pattern_of(upper)
+
+
+def _stretched_pattern(layout: Layout, rotations: int) -> Pattern:
+    """The pattern of many nodes from those of `TEMPLATE` and of one more.
+
+    All nodes but those near the seam are alike. So each array is a row of runs with a few numbers a node: the
+    entries of one kind, the unknowns' columns, the constraints', and each column of closure and gauge.
+    """
+    few = [replace(layout, segments=TEMPLATE + k) for k in (0, 1)]
+    pair = [pattern_of(_upper(each, rotations)) for each in few]
+    more, n = layout.segments - TEMPLATE, layout.segments
+    tail = layout.seam.closing + rotations
+    total = BLOCK * n + tail
+
+    def joined(arrays: list[IntArray], cuts: list[list[int]], *, compact: bool) -> IntArray:
+        """The arrays of both, cut into runs, for `n` nodes."""
+        kind = np.int32 if compact else np.int64
+        runs = zip(*(np.split(a.astype(kind), cut) for a, cut in zip(arrays, cuts, strict=True)), strict=True)
+        return np.concatenate([stretched(one, other, more, TEMPLATE) for one, other in runs])
+
+    def of_columns(pointers: list[NDArray[np.int32]]) -> list[list[int]]:
+        """Where the columns of unknowns and of constraints end, and each that comes after them."""
+        ends = [[7 * m, *range(BLOCK * m, BLOCK * m + tail)] for m in (TEMPLATE, TEMPLATE + 1)]
+        return [p[end].tolist() for p, end in zip(pointers, ends, strict=True)]
+
+    def pointer(pointers: list[NDArray[np.int32]]) -> NDArray[np.int32]:
+        cuts = [[7 * m, BLOCK * m] for m in (TEMPLATE, TEMPLATE + 1)]
+        return joined(list(pointers), cuts, compact=True).astype(np.int32, copy=False)
+
+    uppers, wholes = [p.upper for p in pair], [p.whole_matrix for p in pair]
+    above, beside = [u.indptr for u in uppers], [w.indptr for w in wholes]
+    kinds = [_kinds(each, rotations) for each in few]
+    slots = sum(kinds[0]) + more * (sum(kinds[1]) - sum(kinds[0]))
+    starts = [np.cumsum(sizes)[:-1].tolist() for sizes in kinds]
+    slot = joined([u.slot for u in uppers], starts, compact=slots > COMPACT_FROM)
+    rows = joined([u.indices for u in uppers], of_columns(above), compact=True)
+    upper = Scatter((total, total), pointer(above), rows, slot, total)
+    columns = joined([w.indices for w in wholes], of_columns(beside), compact=True)
+    sources = [p.whole_source for p in pair]
+    source = joined(sources, of_columns(beside), compact=columns.size > COMPACT_FROM)
+    return _empty_pattern(upper, pointer(beside), columns, source)
+
+
+def _kinds(layout: Layout, rotations: int) -> list[int]:
+    """How many entries of each kind there are, in their order."""
+    n, closing = layout.segments, layout.seam.closing
+    nodes = n + 1 if layout.seam.strip else n
+    local = hessian_places(layout.couplings)[0].size + JACOBIAN_ROWS.size
+    return [*[nodes] * local, closing * n, *[6 * n] * rotations, 7 * n, PER_NODE * n, closing + rotations]
 
 
 _kept_pattern = lru_cache(maxsize=64)(_built_pattern)
@@ -102,10 +169,14 @@ def pattern_of(upper: Scatter) -> Pattern:
     whole = below + above.tocsr()
     source = whole.data - 1
     source = source if source.size > COMPACT_FROM else source.astype(np.int64)
-    whole.data = _no_data(source.size)
-    empty = scipy.sparse.csc_matrix(
-        (_no_data(upper.indices.size), upper.indices, upper.indptr), shape=upper.shape
-    )
+    return _empty_pattern(upper, whole.indptr, whole.indices, source)
+
+
+def _empty_pattern(upper: Scatter, indptr: NDArray[np.int32], indices: IntArray, source: IntArray) -> Pattern:
+    """The pattern with its empty matrices; `indptr` and `indices` are the whole matrix's."""
+    shape, diagonal = upper.shape, upper.indptr[1:].astype(np.int64) - 1
+    empty = scipy.sparse.csc_matrix((_no_data(upper.indices.size), upper.indices, upper.indptr), shape=shape)
+    whole = scipy.sparse.csr_matrix((_no_data(indices.size), indices, indptr), shape=shape)
     return Pattern(upper, diagonal, empty, whole, source)
 
 
@@ -116,7 +187,8 @@ def _no_data(size: int) -> Array:
 
 def _filled(like: scipy.sparse.spmatrix, data: Array) -> scipy.sparse.spmatrix:
     """A matrix of the same pattern, unchecked: scipy's constructors take longer than a product at N = 100."""
-    out = copy(like)
+    out = like.__class__.__new__(like.__class__)
+    out.__dict__.update(like.__dict__)
     out.data = data
     return out
 
@@ -192,21 +264,22 @@ class KKTMatrix:
         self.metric = self.scale[: self.size] ** 2
         values = np.concatenate(
             (
-                local.hessian_entries(),
-                local.jacobian_entries(),
+                local.entries.ravel(),
                 np.full(problem.closing * n, problem.band.h),
                 rotations.reshape(n, 7, self.gauge)[:, :6].reshape(6 * n, self.gauge).T.ravel(),
-                np.zeros(self.size + self.border),
+                _ZERO,
             )
         )
-        data = self.pattern.upper.data(values) * entry_scale
-        data[self.pattern.diagonal[: self.size][problem.fixed]] = 1.0
+        data = self.pattern.upper.data(values)
+        data *= entry_scale
+        if problem.any_fixed:
+            data[self.pattern.diagonal[: self.size][problem.fixed]] = 1.0
         self._fill(data)
 
     def _fill(self, data: Array) -> None:
         """Take the upper triangle's data, in CSC order."""
         self.upper = _filled(self.pattern.upper_matrix, data)
-        self.whole = _filled(self.pattern.whole_matrix, data[self.pattern.whole_source])
+        self.whole = _filled(self.pattern.whole_matrix, data.take(self.pattern.whole_source))
 
     @cached_property
     def node_blocks(self) -> NodeBlocks:
@@ -260,7 +333,11 @@ class KKTMatrix:
 
     def product(self, v: Array) -> Array:
         """Scaled K v, for v (n+m+r,) or (n+m+r, k)."""
-        out: Array = self.whole @ v
+        if v.ndim == 2:
+            return np.asarray(self.whole @ v)
+        whole, out = self.whole, np.zeros(v.size)
+        # What the line above ends with for a vector; on the way there is more to it than this at N = 100.
+        csr_matvec(v.size, v.size, whole.indptr, whole.indices, whole.data, v, out)
         return out
 
     def extended_product(self, v: Array) -> NDArray[np.longdouble]:
@@ -276,7 +353,8 @@ class KKTMatrix:
         """Upper triangle of K - shift (on x, Euclidean metric) - delta (on multipliers, scaled)."""
         data = self.upper.data.copy()
         diagonal = self.pattern.diagonal
-        data[diagonal[: self.size]] -= shift * self.metric
+        if shift:
+            data[diagonal[: self.size]] -= shift * self.metric
         data[diagonal[self.size :]] -= delta
         return _filled(self.upper, data)
 
@@ -317,33 +395,50 @@ def _blocks_between(
 ) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
     """The blocks of `NodeBlocks` for nodes `first` to `last` - 1, of a band with more than two."""
     whole, n, m = matrix.whole, matrix.size // 7, last - first
-    tail = BLOCK * n
-    width = matrix.size + matrix.border - tail
-    diagonal, coupling = np.zeros(m * BLOCK * BLOCK), np.zeros(m * BLOCK * BLOCK)
-    border = np.zeros(m * BLOCK * width)
-    for start, each, at in ((0, 7, 0), (matrix.size, PER_NODE, 7)):
-        pointer = whole.indptr[start + each * first : start + each * last + 1]
-        part = slice(pointer[0], pointer[-1])
-        columns, data = whole.indices[part], whole.data[part]
-        row = np.repeat(np.arange(each * m), np.diff(pointer))
-        owner, within = np.divmod(row, each)
-        line = BLOCK * owner + at + within  # the row among those of the nodes asked for
-        unknown = columns < matrix.size
-        number = np.where(unknown, columns, columns - matrix.size)
-        node, place = np.divmod(number, np.where(unknown, 7, PER_NODE))
-        place += np.where(unknown, 0, 7)
-        inside = columns < tail
-        here, ahead = inside & (node == owner + first), inside & (node == (owner + first + 1) % n)
-        diagonal[BLOCK * line[here] + place[here]] = data[here]
-        coupling[BLOCK * line[ahead] + place[ahead]] = data[ahead]
-        edge = ~inside
-        border[width * line[edge] + columns[edge] - tail] = data[edge]
+    width = matrix.size + matrix.border - BLOCK * n
+    # Chains of one length are alike but for those that meet the seam.
+    like = m if first > 0 and last < n and 2 * m < n else first
+    blocks = tuple(np.zeros(m * BLOCK * k) for k in (BLOCK, BLOCK, width))
+    known = matrix.pattern.chains
+    if (like, m) not in known:
+        known[like, m] = _chain_places(matrix.pattern, matrix.size, like, like + m)
+    for (start, each), found in zip(((0, 7), (matrix.size, PER_NODE)), known[like, m], strict=True):
+        data = whole.data[whole.indptr[start + each * first] :]
+        for block, (source, place) in zip(blocks, found, strict=True):
+            block[place] = data[source]
+    diagonal, coupling, border = blocks
     return (
         diagonal.reshape(m, BLOCK, BLOCK),
         coupling.reshape(m, BLOCK, BLOCK),
         border.reshape(m, BLOCK, width),
         np.any(matrix.fixed.reshape(n, 7)[first:last], axis=1),
     )
+
+
+def _chain_places(pattern: Pattern, size: int, first: int, last: int) -> list[Places]:
+    """Where the data of a chain's rows go, those of unknowns and those of constraints: for diagonal, coupling
+    and border the data counted from the first row on, and their flat places."""
+    whole, n, m = pattern.whole_matrix, size // 7, last - first
+    tail, width = BLOCK * n, whole.shape[0] - BLOCK * n
+    out: list[Places] = []
+    for start, each, at in ((0, 7, 0), (size, PER_NODE, 7)):
+        pointer = whole.indptr[start + each * first : start + each * last + 1]
+        columns = whole.indices[pointer[0] : pointer[-1]]
+        owner, within = np.divmod(np.repeat(np.arange(each * m), np.diff(pointer)), each)
+        line = BLOCK * owner + at + within  # the row among those of the nodes asked for
+        unknown = columns < size
+        number = np.where(unknown, columns, columns - size)
+        node, place = np.divmod(number, np.where(unknown, 7, PER_NODE))
+        place += np.where(unknown, 0, 7)
+        inside = columns < tail
+        places: Places = []
+        for here in (owner + first, (owner + first + 1) % n):
+            source = np.flatnonzero(inside & (node == here))
+            places.append((source, BLOCK * line[source] + place[source]))
+        source = np.flatnonzero(~inside)
+        places.append((source, width * line[source] + columns[source] - tail))
+        out.append(places)
+    return out
 
 
 def _node_blocks(matrix: KKTMatrix) -> NodeBlocks:

@@ -36,8 +36,9 @@ BACKWARD_GOAL = 1e-12
 BLOCK_REFINEMENTS = 2
 DIRECTIONS = 3
 ACCELERATED = 8
-"""Corrections over which a residual is made least on grids of more than `DELTA_GRID` segments, and how many
-are tried."""
+LONGER = 16
+"""Corrections over which a residual is made least on grids of more than `DELTA_GRID` segments, how many are
+tried, and how many on fine grids, where the block reduction takes as long as thirty."""
 EXTENDED_REFINEMENTS = 4
 FORWARD_LIMIT = 1e-6
 """Refinements with residuals in extended precision where the backward error is above its limit, and the last
@@ -76,7 +77,7 @@ class Factor:
         self._solver: qdldl.Solver | None = None
         self._found = False
         self._large = matrix.size > 7 * FINE
-        self.exact = exact
+        self.exact, self.stale = exact, False
         if exact:
             self._reduced()
             return
@@ -114,10 +115,21 @@ class Factor:
             self._found = bool(self._known.all())
         return self._known if self._found else None
 
-    def be_exact(self) -> None:
-        """From here on, solve and count by the block reduction."""
-        self.exact = True
+    def serving(self, matrix: KKTMatrix) -> Factor:
+        """The same exact factors for another matrix of the pattern and the scaling, at a place nearby.
+
+        Solutions are refined by that matrix, and the factors made anew where they are too far from it; the
+        count is that of the matrix factored.
+        """
+        self.stale = matrix is not self.matrix
+        self.matrix = matrix
+        return self
+
+    def anew(self) -> Factor:
+        """Exact factors of the present matrix in place of those of another."""
+        self._blocks, self.stale = None, False
         self._reduced()
+        return self
 
     def counted(self, like: KKTMatrix | None = None) -> Inertia:
         """The count by block reduction, its roundoff measured against `like` as in `proves_at_most`."""
@@ -229,6 +241,12 @@ class Factor:
             if not self._untried:
                 break
             self._factor(self._untried.pop(0))
+        try:
+            return self._solve_by_blocks(rhs, size)
+        except FactorisationError:
+            if not self.stale:
+                raise
+        self.anew()
         return self._solve_by_blocks(rhs, size)
 
     def _refined(self, rhs: Array, size: float, backward: bool, goal: float) -> tuple[Array, float]:
@@ -257,7 +275,7 @@ class Factor:
         best, best_error = solution, float(np.abs(residual).max()) / size
         moves: list[Array] = []
         images: list[Array] = []
-        for _ in range(ACCELERATED):
+        for _ in range(LONGER if self._large else ACCELERATED):
             move = self._inverse(residual)
             image = self._product(move)
             for known, seen in zip(moves, images, strict=True):

@@ -7,6 +7,7 @@ outcome is a `Result`.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -121,13 +122,10 @@ def _doubt(count: Inertia) -> str:
 
 def change(x: Array, step: Array) -> float:
     """Size of a step (7N,): the largest change of a tangent, of a ruling over its length, or of xi/4."""
-    s, y = step.reshape(-1, 7), x.reshape(-1, 7)
-    squares, lengths = s * s, y[:, 3:6] * y[:, 3:6]
-    tangents = squares[:, 0] + squares[:, 1] + squares[:, 2]
-    rulings = (squares[:, 3] + squares[:, 4] + squares[:, 5]) / (
-        lengths[:, 0] + lengths[:, 1] + lengths[:, 2]
-    )
-    return float(np.sqrt(max(tangents.max(), rulings.max(), 0.0625 * squares[:, 6].max())))
+    s, y = (step * step).reshape(-1, 7), (x * x).reshape(-1, 7)
+    tangents = s[:, 0] + s[:, 1] + s[:, 2]
+    rulings = (s[:, 3] + s[:, 4] + s[:, 5]) / (y[:, 3] + y[:, 4] + y[:, 5])
+    return math.sqrt(max(tangents.max(), rulings.max(), 0.0625 * s[:, 6].max()))
 
 
 class _Search:
@@ -137,6 +135,7 @@ class _Search:
         self.problem = problem
         self.penalty = np.zeros(problem.rows)
         self._normal: tuple[Array, Factor] | None = None
+        self.exact: Factor | None = None  # exact ones, which are kept on fine grids
 
     def merit(self, energy: float, constraints: Array) -> float:
         return energy + float(self.penalty @ np.abs(constraints))
@@ -161,6 +160,7 @@ class _Search:
         """The normal factors of a point."""
         if self._normal is not None and self._normal[0] is point.x:
             return self._normal[1]
+        self.exact = None
         normal = _normal_factor(self.problem, point.x, point.local)
         self.keep(point.x, normal)
         return normal
@@ -241,7 +241,7 @@ class _Solve:
                 options.watch(self.steps, point.energy, point.worst)
             following: Iterate | None = None
             # On fine grids the goal may be out of reach, and the last steps are those of the judgement.
-            going = point.worst > options.goal and not (self.fine and self.left < np.inf)
+            going = point.worst > (options.tolerance if self.fine else options.goal)
             if going and self.steps < options.max_steps:
                 following = self._step(point, matrix)
                 if following is not None and following.worst > 0.5 * point.worst <= 0.5 * options.tolerance:
@@ -260,23 +260,35 @@ class _Solve:
 
     def _step(self, point: Iterate, matrix: KKTMatrix) -> Iterate | None:
         """One accepted step towards a stationary point, or None."""
-        factor = Factor(matrix)
+        factor = self._regular(matrix)
         # An inexact Newton step, as accurate as quadratic convergence or the goal needs it.
         limit = max(RESIDUAL_LIMIT, 1e-3 * min(point.worst, 1.0), 0.1 * self.options.goal / point.worst)
         plain = newton_step(self.problem, point.local, point.multipliers, factor, limit)
-        if self.fine and point.worst <= self.options.tolerance:
-            return self._halved(point, plain)
         following = self._meet_saddle(point, factor, plain)
         if following is None:
             if self.fine and factor.surplus:
-                factor.be_exact()  # regularised pivots count too many here, and do not know sliding
+                del factor
+                factor = self._exact(matrix)  # regularised pivots count too many here, and know no sliding
             found = direction(
                 self.problem, point.local, point.multipliers, factor, plain=plain, lowest=self.lowest
             )
+            del factor
             self.lowest = float(found.negative[0]) if found.index else 0.0
             self.surplus_seen = max(self.surplus_seen, found.index)
             following = self._advance(point, found)
         return following
+
+    def _regular(self, matrix: KKTMatrix) -> Factor:
+        """Factors for a step; on fine grids no others are alive beside them."""
+        self.search.exact = None
+        return Factor(matrix)
+
+    def _exact(self, matrix: KKTMatrix) -> Factor:
+        """Exact factors of a fine grid: those of a point before serve again, or there are new ones."""
+        if self.search.exact is None:
+            matrix.pattern.idle.clear()  # which take as much memory
+            self.search.exact = Factor(matrix, exact=True)
+        return self.search.exact.serving(matrix)
 
     def _halved(self, point: Iterate, plain: tuple[Array, Array]) -> Iterate | None:
         """The next iterate of a converged point, if it has less than half the residuals: near roundoff no
@@ -319,14 +331,21 @@ class _Solve:
         a step on.
         """
         try:
-            factor = Factor(matrix, exact=True)
+            factor = self._exact(matrix)
             step, multipliers = newton_step(self.problem, point.local, point.multipliers, factor)
         except FactorisationError as error:
             return self._result(Status.UNDECIDED, point, detail=f"({error}.)"), None
         left = change(point.x, step)
         if left > NEAR_STEP or SETTLED < left < 0.5 * self.left:
             return self._unsettled(point, step, multipliers)
-        count = factor.counted(self._matrix_at(point.x + step, multipliers))
+        if point.worst > self.options.goal and self.steps < self.options.max_steps:
+            following = self._halved(point, (step, multipliers))
+            if following is not None:
+                return None, following
+        like = self._matrix_at(point.x + step, multipliers)
+        count = factor.counted(like)
+        if factor.stale and not count.trusted:
+            count = factor.anew().counted(like)
         if not count.trusted:
             return self._result(Status.UNDECIDED, point, detail=_doubt(count)), None
         if count.negative and len(self.saddles) < self.options.leave_saddles:

@@ -9,7 +9,7 @@ that are saddles are left to the lower side.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
@@ -19,7 +19,7 @@ from ..model.touching import Shape
 from ..model.touching_distances import Distances
 from ..model.touching_gaps import Pairs, places
 from ..model.touching_sides import Sides
-from .kkt import KKTMatrix
+from .kkt import FactorisationError, KKTMatrix
 from .linear import Factor
 from .newton import Options, Stepper, change, iterate_at, solve
 from .resting import RestingProblem
@@ -142,21 +142,39 @@ def pushing_at(problem: RestingProblem, x: Array, own: Array, forces: Array) -> 
     """
     if not len(forces):
         return problem.pairs, forces
+    found = compliance(problem, x, own, forces)
+    share = pushing(found.m, found.away)
+    keep = share > 0.0
+    return problem.pairs.take(keep), share[keep]
+
+
+@dataclass(frozen=True)
+class Compliance:
+    """How gaps give way to forces, `m` (k,k), and what they are without any, `away` (k,), in the quadratic
+    problem at a place."""
+
+    m: Array
+    away: Array
+
+
+def compliance(problem: RestingProblem, x: Array, own: Array, forces: Array) -> Compliance:
+    """That of the problem's gaps at x, with multipliers and forces. Raises NoRestError where the problem's
+    matrix is too nearly singular."""
     local = problem.local_derivatives(x, np.concatenate((own, forces)))
     assert isinstance(local, RestingDerivatives)
     assert local.touched is not None
     rows = problem.rows_of(local.touched.jacobian)
     matrix = kkt_matrix(problem, local.keeping(0), problem.rotations(x))
-    factor = _convex(matrix)
-    n, tail = problem.size, np.zeros(matrix.tail)
+    n, none, tail = problem.size, np.zeros(problem.base.rows), np.zeros(matrix.tail)
     gradient = problem.base.lagrangian_gradient(local.free, own) - forces @ rows
-    p = factor.solve(np.concatenate((-gradient, -local.free.constraints, tail)))[:n]
-    none = np.zeros(problem.base.rows)
-    v = np.array([factor.solve(np.concatenate((row, none, tail)))[:n] for row in rows])
+    try:
+        factor = _convex(matrix)
+        p = factor.solve(np.concatenate((-gradient, -local.free.constraints, tail)))[:n]
+        v = np.array([factor.solve(np.concatenate((row, none, tail)))[:n] for row in rows])
+    except FactorisationError as failure:
+        raise NoRestError(str(failure)) from failure
     m = rows @ v.T
-    found = pushing(m, problem.gaps(x).value - problem.gap + rows @ p - m @ forces)
-    keep = found > 0.0
-    return problem.pairs.take(keep), found[keep]
+    return Compliance(m, problem.gaps(x).value - problem.gap + rows @ p - m @ forces)
 
 
 def _convex(matrix: KKTMatrix) -> Factor:

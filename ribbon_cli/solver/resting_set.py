@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -23,7 +24,6 @@ from ..model.touching_audit import Audit, Motion, audit
 from ..model.touching_barrier import candidates
 from ..model.touching_distances import Distances, nearer
 from ..model.touching_gaps import Pairs, gap_values
-from ..model.touching_pieces import pieces
 from ..model.touching_sides import Sides
 from ..parts import HALF_WIDTH
 from .kkt import FactorisationError
@@ -33,8 +33,9 @@ from .prolongation import divided
 from .resting import RestingProblem, resting_rates
 from .resting_barrier import BarrierProblem
 from .resting_certificate import PULLS, certified
-from .resting_exchange import OFF, Exchange, GapLostError, NoRestError, off_features, pushing, pushing_at
+from .resting_exchange import OFF, Exchange, GapLostError, NoRestError, off_features, pushing
 from .resting_kkt import RestingDerivatives, kkt_matrix
+from .resting_shares import shared_anew
 from .status import STATIONARY, Result, Status
 from .tracking import Way
 
@@ -144,14 +145,26 @@ def slopes(rest: Rest, name: str = HALF_WIDTH) -> Slopes:
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def moved(rest: Rest, band: Band, by: float, along: Slopes, gap: float | None = None) -> Rest:
-    """The next shape with the same pairs, with a band of other parameters or at another gap. Raises
-    NoRestError."""
+    """The next shape with the same pairs, with a band of other parameters or at another gap; with others that
+    touch where forces can be shared out among these. Raises NoRestError."""
     x, multipliers = rest.result.x + by * along.x, rest.result.multipliers + by * along.multipliers
-    problem = RestingProblem(band, rest.pairs, rest.gap if gap is None else gap)
-    result = solve(problem, x, multipliers, Options(leave_saddles=0, max_steps=MOST_TRACKED))
+    gap = rest.gap if gap is None else gap
+    options = Options(leave_saddles=0, max_steps=MOST_TRACKED)
+    problem = RestingProblem(band, rest.pairs, gap)
+    result = solve(problem, x, multipliers, options)
+    steps = result.steps
     if result.status not in STATIONARY:
-        raise NoRestError(f"{result.status.value} with the same gaps")
-    return accepted(rest.state, problem, result, SLIP, result.steps, ())
+        why = f"{result.status.value} with the same gaps"
+        try:
+            other, anew = shared_anew(rest.problem, rest.result)
+        except NoRestError as failure:
+            raise NoRestError(why) from failure
+        problem = RestingProblem(band, other.pairs, gap)
+        result = solve(problem, x, anew.multipliers, options)
+        steps += result.steps
+    if result.status not in STATIONARY:
+        raise NoRestError(why)
+    return accepted(rest.state, problem, result, SLIP, steps, ())
 
 
 def _shortened(rest: Rest, name: str, full: float, along: Slopes) -> Rest:
@@ -191,8 +204,9 @@ def accepted(
     coarser grid, is none to be accepted."""
     shape, length = Shape.of(result.state, problem.gap), problem.band.length
     if _pulls(problem, result) and _off(shape, problem.pairs) <= NEARLY_ON:
-        problem, result = _shared_anew(problem, result)
-        shape = Shape.of(result.state, problem.gap)
+        with suppress(NoRestError):
+            problem, result = shared_anew(problem, result)
+            shape = Shape.of(result.state, problem.gap)
     forces = problem.split(result.multipliers)[1]
     if len(forces):
         off = _off(shape, problem.pairs)
@@ -216,27 +230,6 @@ def _off(shape: Shape, pairs: Pairs) -> float:
 def _pulls(problem: RestingProblem, result: Result) -> bool:
     forces = problem.split(result.multipliers)[1]
     return bool(len(forces) and forces.min() < -PULLS * max(1.0, float(forces.max())))
-
-
-def _shared_anew(problem: RestingProblem, result: Result) -> tuple[RestingProblem, Result]:
-    """The shape with its forces shared out among all gaps that touch: where these depend on each other,
-    others than those that were kept may hold it without one that pulls. As it was where they do not."""
-    shape, gap = Shape.of(result.state, problem.gap), problem.gap
-    near = (
-        nearer(shape, gap + DEPTH * problem.band.length)
-        if gap
-        else audit(shape, DEPTH * problem.band.length).near
-    )
-    touching = united(problem.pairs, near if gap else pieces(shape, near.joined(problem.pairs)).pairs)
-    if len(touching) == len(problem.pairs):
-        return problem, result
-    own, forces = problem.split(result.multipliers)
-    known = np.concatenate((forces, np.zeros(len(touching) - len(forces))))
-    pairs, forces = pushing_at(RestingProblem(problem.band, touching, gap), result.x, own, known)
-    other = RestingProblem(problem.band, pairs, gap)
-    options = Options(leave_saddles=0, max_steps=MOST_TRACKED)
-    found = solve(other, result.x, np.concatenate((own, forces)), options)
-    return (other, found) if found.status in STATIONARY else (problem, result)
 
 
 def _passed(before: State, after: State, gap: float, slip: float, halvings: int = MOST_WAYPOINTS) -> float:

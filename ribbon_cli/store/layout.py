@@ -50,7 +50,7 @@ Names are never used for anything else.
 """
 
 EVENTS, KINDS_OF_EVENTS = "/origin/events", "kinds"
-"""The dataset with the sentences of events, and its attribute with a word for each; 1.1 does not have it."""
+"""The dataset with the sentences of events, and its attribute with a word for each; 1.0 and 1.1 lack it."""
 
 SIGNALS = {
     "/state": "u",
@@ -121,7 +121,7 @@ def _items(rows: tuple[tuple[str, Dtype, str, str, str, str], ...]) -> tuple[Ite
 # fmt: off
 STATE = _items((
     ("/origin/label", "int64", "", "s", "",
-     "place in the run, 1, 2, 3, ... in the order stored"),
+     "number of the state in its run, 1, 2, 3, ... in the order stored"),
     ("/origin/kind", "utf-8", "", "s", "",
      "equilibrium, intermediate, auxiliary (prescribed rulings, open seam) or saddle (met and left)"),
     ("/origin/stage", "utf-8", "", "s", "",
@@ -135,14 +135,14 @@ STATE = _items((
     ("/state/discretisation", "utf-8", "", "s", "(2.15)",
      "rule for xi at a node: thesis (F of the average) or value-average (average of F)"),
     ("/topology/half_twists", "int64", "", "s", "Lk = n/2",
-     "half-twists n that the run asks for, sign is handedness"),
+     "half-twists n that the run asks for; the sign is the handedness"),
     ("/topology/sigma", "int64", "", "s", "(2.1)-(2.2)",
      "+1 orientable, -1 one-sided: g_{N+1} = sigma g_1 and xi_0 = sigma xi_N"),
     ("/state/energy", "float64", "", "s", "(2.14)",
      "Q_h with q_i = |u_i - u_{i-1}|^2 / 2, not divided by pi b"),
     ("/state/bending_energy", "float64", "", "o", "",
      "bending energy int H^2 da alone, where `energy` is a total potential with natural curvature or loads; "
-     "absent: `energy` is it"),
+     "absent: `energy` is the bending energy"),
     ("/certificate/status", "utf-8", "", "s", "",
      "outcome in one word: minimum, saddle, stalled, ..."),
     ("/certificate/message", "utf-8", "", "s", "",
@@ -213,11 +213,12 @@ STATE = _items((
      "multiplier of a strip's end row, (t_B - u_N).g_{N+1}, of a free end |g_{N+1}|^2 - (g_{N+1}.u_N)^2 - 1; "
      "absent: a closed band"),
     ("/reactions/reaction_force", "float64", "xyz", "o", "",
-     "force that what holds the end exerts on an open strip, in the start's frame; absent: a closed band"),
+     "force that the support of the end exerts on an open strip, in the start's frame; "
+     "absent: a closed band"),
     ("/reactions/reaction_moment", "float64", "xyz", "o", "",
      "moment that it exerts, about the end's midpoint"),
     ("/reactions/start_force", "float64", "xyz", "o", "",
-     "force that what holds the start exerts, from the start's own rows"),
+     "force that the support of the start exerts, from the start's own rows"),
     ("/reactions/start_moment", "float64", "xyz", "o", "",
      "moment that it exerts, about the start's midpoint"),
     ("/geometry/midline", "float64", "vertex xyz", "", "(2.17)",
@@ -245,13 +246,13 @@ ENDS = _items((
     ("/ends/start_eta", "float64", "", "", "", "cotangent of the angle from tangent to ruling at the start"),
     ("/ends/end_eta", "float64", "", "", "", "cotangent of the angle from tangent to ruling at the end"),
 ))
-"""Datasets of an open strip's ends: all of them, or of a closed band none."""
+"""Datasets of an open strip's ends: all of them. A closed band has none."""
 
 MATERIAL = _items((
     ("/material/natural_curvature", "float64", "", "", "", "curvature without loads, in 1/length"),
     ("/material/poisson", "float64", "", "", "", "Poisson's ratio"),
 ))
-"""Of open strips, and of closed bands where one of them is not zero: all, or none."""
+"""Datasets of the material of an open strip, or of a closed band if one is not zero: all, or none."""
 
 LOADS = _items((
     ("/loads/gravity", "float64", "", "", "", "weight per area"),
@@ -260,7 +261,7 @@ LOADS = _items((
     ("/loads/point_force", "float64", "xyz", "", "", "dead force on a point of the midline"),
     ("/loads/point_at", "float64", "", "", "", "where it acts, as a part of the length from the start"),
 ))
-"""Of open strips: all, or none."""
+"""Datasets of an open strip's loads: all, or none."""
 
 SPECTRUM = _items((
     ("/spectra/METRIC/complete", "bool", "", "", "(2.58)",
@@ -268,7 +269,7 @@ SPECTRUM = _items((
     ("/spectra/METRIC/values", "float64", "eigenvalue", "", "(2.58)",
      "eigenvalues of the projected Hessian, ascending"),
     ("/spectra/METRIC/residuals", "float64", "eigenvalue", "", "(2.58)",
-     "residuals of the eigenpairs in the dual metric: an eigenvalue lies that near"),
+     "residuals of the eigenpairs in the dual metric: an eigenvalue lies within that distance"),
     ("/spectra/METRIC/labels", "utf-8", "eigenvalue", "", "",
      "what each mode is: rotation, sliding, checkerboard (of the discretisation) or mode"),
     ("/spectra/METRIC/sliding_overlap", "float64", "eigenvalue", "", "",
@@ -322,7 +323,7 @@ CONTACTS = _items((
      "first, p and q are u and g of the facet, or the directions of the edges; of a vertex with an edge or a "
      "vertex, their distance"),
     ("/contacts/gap", "float64", "", "", "g = gap",
-     "what each gap is kept at, 0 or the least distance asked for, in the unit of `length`"),
+     "value at which each gap is kept: 0, or the least distance asked for, in the unit of `length`"),
     ("/contacts/excluded", "float64", "", "", "0.005 l + (pi/2) gap",
      "distance on the flat strip from which pairs of features count, in the unit of `length`"),
     ("/contacts/clearance", "float64", "", "", "",
@@ -344,7 +345,7 @@ _WITH_FORCES = {
     "/topology/clearance": "as /contacts/clearance",
     "/branch/type": "step, width or value (asked for), fold, branch-point, touch or lift",
 }
-"""Descriptions of datasets that mean something else where there are contact forces."""
+"""Descriptions of datasets whose meaning changes with contact forces."""
 # fmt: on
 
 

@@ -13,7 +13,8 @@ from pathlib import Path
 
 import pytest
 from cli_support import environment, parse_json, run, spawn
-from sweep_support import BANDS, MIXED, Hashes, commits, ended, hashes, undisturbed, workers_of
+from sweep_support import BANDS, MIXED, commits, ended, hashes, workers_of
+from sweep_support import undisturbed as undisturbed  # the fixture `whole`
 
 from ribbon_cli.store import list_runs
 
@@ -31,12 +32,6 @@ if __name__ == "__main__":
     names = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS")
     print({name: os.environ.get(name) for name in names})
 """
-
-
-@pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Hashes]:
-    """The states of a sweep that nobody disturbed, by its text."""
-    return undisturbed(tmp_path_factory)
 
 
 class Cluster:

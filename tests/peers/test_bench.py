@@ -10,7 +10,9 @@ from references.curved import FoldedArc
 from references.helix import whole_turns
 
 from bench import run, strips
+from bench.document import Part, page
 from bench.machine import machine, versions
+from bench.scaling_page import PICTURE
 
 pytestmark = pytest.mark.peers
 
@@ -20,14 +22,29 @@ def test_a_quick_benchmark_writes_its_document(tmp_path: Path, capsys: pytest.Ca
     with np.errstate(all="warn", under="ignore", over="ignore", invalid="ignore", divide="ignore"):
         assert run.main(["--quick", "-o", str(path)]) == 0
     text = path.read_text(encoding="utf-8")
-    assert text.count("\n## ") == 5
+    assert text.count("\n## ") == 7
+    assert text.count("\n<!-- part: ") == 4
+    assert (tmp_path / PICTURE).stat().st_size > 10_000
     assert machine() in text
     assert versions() in text
     assert "missing" not in text
     assert "| 0.2 | 100 |" in text
     said = capsys.readouterr()
-    assert said.out.count("\n") == 4
+    assert said.out.count("\n") == 10
     assert "single solves" in said.err
+
+
+def test_a_part_measured_alone_leaves_the_rest_of_the_page() -> None:
+    one, other = (
+        Part(name, [("a rule of old", True)], f"## {name}\n\nText.") for name in ("table", "strips")
+    )
+    both = page([one, other])
+    again = page([Part("strips", [], "## Strips\n\nAnew.")], both)
+    assert again.startswith(both[: both.index("<!-- part: strips")])
+    assert "Anew." in again
+    assert (both.count("a rule of old"), again.count("a rule of old")) == (2, 1)
+    assert page([], again) == again
+    assert page([], page([one])).count("## ") == 1
 
 
 def test_the_machine_is_named_in_words() -> None:

@@ -1,6 +1,6 @@
 """Constrained saddle-free Newton as the thesis writes it, densely: Koldaev (2022), section 2.3.2.
 
-The reference that the sparse solver is tested against. W is written in the orthonormal coordinates
+The sparse solver is tested against it. W is written in the orthonormal coordinates
 T = (K | range), the eigenvalues of its block W_c = K^T W K are replaced by their absolute values and
 the full KKT system (2.57) is solved. Time grows as N^3 and memory as N^2: for N up to `LARGEST` only.
 """
@@ -12,11 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from ..model.band import Array
-from ..model.problem import LocalDerivatives, Problem
-from .kkt import FactorisationError
-from .newton import Options, change, inverted_facets
-from .status import Iterate, Result, SaddleMet, Status
+from ribbon_cli.model.band import Array
+from ribbon_cli.model.problem import LocalDerivatives, Problem
+from ribbon_cli.solver.kkt import FactorisationError
+from ribbon_cli.solver.newton import Options, change, inverted_facets
+from ribbon_cli.solver.status import Iterate, Result, SaddleMet, Status
 
 LARGEST = 200
 """Most segments accepted: beyond, one step takes seconds and the sparse solver gives the same one."""
@@ -42,7 +42,7 @@ class DenseModel:
         held = np.eye(problem.size)[problem.fixed]
         self.normals = np.vstack((jacobian, rotations.T, held))
         count = self.normals.shape[0]
-        if not (np.isfinite(self.normals).all() and np.isfinite(local.hessian).all()):
+        if not (np.isfinite(self.normals).all() and np.isfinite(local.entries).all()):
             raise FactorisationError("the derivatives are not finite")
         q, r = scipy.linalg.qr(self.normals.T)
         pivots = np.abs(np.diag(r))
