@@ -348,7 +348,7 @@ def let_down(guess: Guess) -> Rest:
     """
     band, gap, own = guess.band, guess.gap, guess.multipliers
     length = band.length
-    start = opened(guess, 0.5 * REACHES[0] * length)
+    start = _start(guess, 0.5 * REACHES[0] * length)
     steps, x, why = 0, start.vector(), NoRestError("no reach")
     for k, reach in enumerate(REACHES):
         problem = BarrierProblem(band, reach * length, gap)
@@ -366,16 +366,39 @@ def let_down(guess: Guess) -> Rest:
         x, own = result.x, result.multipliers
         if k < POLISH_FROM:
             continue
-        near = problem.near(x)
-        listed, forces = candidates(problem.shape(x), near, problem.forces(x, near), gap)
-        sides = Distances() if gap else Sides(problem.shape(x), Pairs.none(), corners=True)
-        search = Exchange(band, sides, WANDERED, gap)
         try:
-            polished, found = search.rest(x, own, listed, forces)
-            return accepted(result.state, polished, found, 10.0 * DEPTH, steps + search.steps, ("barrier",))
+            return _first_certified(
+                partial(_polished, problem, result, corners, steps)
+                for corners in (True, False)[: 1 if gap else 2]
+            )
         except NoRestError as failure:
             why = failure
     raise why
+
+
+def _polished(problem: BarrierProblem, result: Result, corners: bool, steps: int) -> Rest:
+    """The shape at rest where a barrier has led, with corners held or not. Raises NoRestError."""
+    x, gap = result.x, problem.gap
+    near, shape = problem.near(x), problem.shape(x)
+    listed, forces = candidates(shape, near, problem.forces(x, near), gap)
+    sides = Distances() if gap else Sides(shape, Pairs.none(), corners)
+    search = Exchange(problem.band, sides, WANDERED, gap)
+    polished, found = search.rest(x, result.multipliers, listed, forces)
+    return accepted(result.state, polished, found, 10.0 * DEPTH, steps + search.steps, ("barrier",))
+
+
+def _start(guess: Guess, room: float, halvings: int = MOST_WAYPOINTS) -> State:
+    """An opened shape, by way of others where the straight way to it passes through itself. Raises
+    NoRestError."""
+    try:
+        return opened(guess, room)
+    except GapLostError:
+        if not halvings or guess.before.band.segments != guess.band.segments:
+            raise
+    before = guess.before
+    band, x = Way.between(before.band, guess.band).middle(before.band, guess.band), before.vector()
+    half = replace(guess, band=band, x=0.5 * (x + guess.x))
+    return _start(replace(guess, before=_start(half, room, halvings - 1)), room, halvings - 1)
 
 
 def opened(guess: Guess, room: float) -> State:
