@@ -33,8 +33,8 @@ DOCUMENT = Path(__file__).parents[1] / "docs" / "benchmarks.md"
 @dataclass(frozen=True)
 class Size:
     """How much is measured: the table, its runs, repeats of solves at `half_width` by N, the finest grids of
-    ours and of the peer, strips (segments and steps of the path), runs of the whole command, and grids of bands
-    at rest on themselves."""
+    ours and of the peer, strips (segments and steps of the path), runs of the whole command, and grids of
+    bands at rest on themselves."""
 
     widths: tuple[float, ...]
     levels: tuple[int, ...]
