@@ -46,6 +46,8 @@ SLIP = 1e-4
 straight way cuts a curve short. What passes deeper has passed through."""
 MOST_WAYPOINTS = 3
 """How often a way along which sheets slide is halved to see whether it passes through itself."""
+NEARLY_ON = 1e-2
+"""How far off its features a place of contact may be for its force to be shared out to others."""
 MOST_SADDLES = 3
 REACHES = (5e-4, 5e-5, 5e-6)
 """Reaches of the barrier, as parts of l, one after the other."""
@@ -200,13 +202,14 @@ def accepted(
 ) -> Rest:
     """The shape with its audit. Raises NoRestError if it, or the way to it from `before`, which may be on a
     coarser grid, is none to be accepted."""
-    if _pulls(problem, result):
+    shape, length = Shape.of(result.state, problem.gap), problem.band.length
+    if _pulls(problem, result) and _off(shape, problem.pairs) <= NEARLY_ON:
         with suppress(NoRestError):
             problem, result = shared_anew(problem, result)
-    shape, length = Shape.of(result.state, problem.gap), problem.band.length
+            shape = Shape.of(result.state, problem.gap)
     forces = problem.split(result.multipliers)[1]
     if len(forces):
-        off = float(off_features(shape, problem.pairs).max())
+        off = _off(shape, problem.pairs)
         if off > OFF:
             raise NoRestError(f"a place of contact is off its features by {off:.1e}")
         if _pulls(problem, result):
@@ -218,6 +221,10 @@ def accepted(
     if depth > slip * length:
         raise GapLostError(f"the way passes through itself, {depth:.1e} deep")
     return Rest(problem, certified(problem, result, found), found, steps, changes)
+
+
+def _off(shape: Shape, pairs: Pairs) -> float:
+    return float(off_features(shape, pairs).max(initial=0.0))
 
 
 def _pulls(problem: RestingProblem, result: Result) -> bool:
