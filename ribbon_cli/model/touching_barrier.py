@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .band import Array
-from .contact import near_facets
 from .touching import EDGE, FACET, VERTEX, IntArray, Shape, box_of, cross
-from .touching_audit import Features, boxes_meet, boxes_near, corners_of, meets, sweeps, within_reach
+from .touching_audit import meets, sweeps
+from .touching_features import Features, boxes_meet, boxes_near, facets_near, within_reach
 from .touching_gaps import Pairs, gap_values, places
 
 SHORT = 0.125
@@ -51,7 +51,7 @@ class Neighbourhood:
     def of(cls, shape: Shape, reach: float, bound: float) -> Neighbourhood:
         """Collect them, over all pairs."""
         slack = np.full(shape.segments, bound)
-        i, j = near_facets(corners_of(shape, shape.vertices), slack, reach)
+        i, j = facets_near((shape,), shape.vertices, slack, reach)
         features = Features.of((shape,), i, j, within_reach(shape, reach + 2.0 * bound))
         return cls(shape.vertices, bound, features)
 
