@@ -37,7 +37,7 @@ BLOCK_REFINEMENTS = 2
 DIRECTIONS = 3
 ACCELERATED = 8
 LONGER = 16
-"""Corrections over which a residual is made least on grids of more than `DELTA_GRID` segments, how many are
+"""Corrections over which a residual is made least on grids of `DELTA_GRID` segments and more, how many are
 tried, and how many on fine grids, where the block reduction takes as long as thirty."""
 EXTENDED_REFINEMENTS = 4
 FORWARD_LIMIT = 1e-6
@@ -70,7 +70,7 @@ class Factor:
         if not np.isfinite(matrix.upper.data).all():
             raise FactorisationError("the KKT matrix is not finite")
         self._shift_diagonal = shift * matrix.metric
-        self._fine = matrix.size > 7 * DELTA_GRID
+        self._fine = matrix.size >= 7 * DELTA_GRID
         self._base = regularisation or DELTA * max(1.0, matrix.size / (7 * DELTA_GRID))
         self._blocks: BlockReduction | None = None
         self._known: Array | None = None
