@@ -232,11 +232,11 @@ class Factor:
             return np.zeros_like(rhs)
         while self._blocks is None:
             solution, error = self._refined(rhs, size, backward, 1e-3 * limit)
+            if backward and error * size <= BACKWARD_GOAL * float(np.abs(solution).max()):
+                return solution
             if not error <= limit and self._fine and self._found:
                 solution, error = self._accelerated(rhs, solution, size, 0.1 * limit)
             if error <= limit:
-                return solution
-            if backward and error * size <= BACKWARD_GOAL * float(np.abs(solution).max()):
                 return solution
             if not self._untried:
                 break
