@@ -7,6 +7,7 @@ of the level alone, and what one level leaves behind costs the next nothing.
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 import tempfile
@@ -18,6 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from ribbon_cli.model.band import State
+from ribbon_cli.study.process import ONE_THREAD
 
 from .level import keep
 
@@ -110,7 +112,9 @@ def _level(who: str, segments: int, files: list[str], most: float | None) -> Lev
     """One level in a process of its own; None where that took more than so many seconds."""
     command = [sys.executable, "-m", "bench.level", who, files[0], str(segments), files[1]]
     try:
-        answer = subprocess.run(command, capture_output=True, text=True, check=True, timeout=most)
+        answer = subprocess.run(
+            command, capture_output=True, text=True, check=True, timeout=most, env=os.environ | ONE_THREAD
+        )
     except subprocess.TimeoutExpired:
         return None
     facts = json.loads(answer.stdout.splitlines()[-1])

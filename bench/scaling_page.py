@@ -56,7 +56,7 @@ def _section(found: Scaling) -> str:
     return f"""## Scaling
 
 The band of b = {found.half_width:g} is refined level by level. Each level is a process of its own, which
-begins with the stored state of the level before. Its seconds hold prolongation, certificate and symbolic
+begins with the stored state of the level before and has one thread. Its seconds hold prolongation, certificate and symbolic
 factorisation, but no files. Its memory is by how much it raises the peak of a process that has everything
 loaded. A step is from one Newton iterate to the next: derivatives, matrix, factors and solution. Medians of
 five runs up to N = 800, of three up to 3200. The peer begins with the same prolongation, in a process of its
