@@ -25,7 +25,7 @@ from .level import keep
 
 FIT_FROM = 400
 """Segments from which exponents are fitted."""
-PEER_SECONDS = 45.0
+PEER_SECONDS = 20.0
 """The peer goes on to the next level while a level takes it less; one that takes it three times as long is
 ended."""
 SECONDS, GIB, EXPONENT, KIB, KIB_FROM = 75.0, 4.0, 1.1, 36.0, 12800
