@@ -137,9 +137,23 @@ class _Level:
     kept: NDArray[np.int64]
     vectors: Array
     inverse: Array
-    into_left: Array
-    into_right: Array
-    into_border: Array
+    into: Array
+    """What a node gives to its left neighbour (12 rows), to its right one (12), and to the border."""
+
+    @property
+    def into_left(self) -> Array:
+        """The rows of the left neighbour."""
+        return self.into[:, :BLOCK]
+
+    @property
+    def into_right(self) -> Array:
+        """The rows of the right neighbour."""
+        return self.into[:, BLOCK : 2 * BLOCK]
+
+    @property
+    def into_border(self) -> Array:
+        """The rows of the border."""
+        return self.into[:, 2 * BLOCK :]
 
 
 class NodeMetric:
@@ -207,6 +221,26 @@ class _Chain:
         vectors, inverse, count, narrow = _pivot(diagonal[gone])
         self.negative += count
         self.gap = min(self.gap, narrow)
+        eliminate = self._in_parts if self.ring else self._at_once
+        into = eliminate(gone, left, right, vectors, inverse)
+        stays = np.ones(n, dtype=bool)
+        stays[gone] = False
+        kept = np.flatnonzero(stays)
+        held[left] = held[right] = False
+        self.diagonal, self.coupling = diagonal[kept], coupling[kept]
+        self.border, self.held = border[kept], held[kept]
+        return _Level(gone, left, right, kept, vectors, inverse, into)
+
+    def _in_parts(
+        self,
+        gone: NDArray[np.int64],
+        left: NDArray[np.int64],
+        right: NDArray[np.int64],
+        vectors: Array,
+        inverse: Array,
+    ) -> Array:
+        """Take nodes out of a ring, product by product, which decides the last bits of stored spectra."""
+        diagonal, coupling, border = self.diagonal, self.coupling, self.border
         into_left = coupling[left] @ vectors
         into_right = np.swapaxes(coupling[gone], 1, 2) @ vectors
         into_border = np.swapaxes(border[gone], 1, 2) @ vectors
@@ -218,13 +252,56 @@ class _Chain:
         border[right] -= scaled_right @ t_border
         self.corner -= ((into_border * inverse[:, None, :]) @ t_border).sum(axis=0)
         coupling[left] = -scaled_left @ t_right
-        stays = np.ones(n, dtype=bool)
-        stays[gone] = False
-        kept = np.flatnonzero(stays)
-        held[left] = held[right] = False
-        self.diagonal, self.coupling = diagonal[kept], coupling[kept]
-        self.border, self.held = border[kept], held[kept]
-        return _Level(gone, left, right, kept, vectors, inverse, into_left, into_right, into_border)
+        return np.concatenate((into_left, into_right, into_border), axis=1)
+
+    def _at_once(
+        self,
+        gone: NDArray[np.int64],
+        left: NDArray[np.int64],
+        right: NDArray[np.int64],
+        vectors: Array,
+        inverse: Array,
+    ) -> Array:
+        """Take nodes out of a row in two products, each of which takes as long as one of those above."""
+        diagonal, coupling, border = self.diagonal, self.coupling, self.border
+        beside = (coupling[left], np.swapaxes(coupling[gone], 1, 2), np.swapaxes(border[gone], 1, 2))
+        into: Array = np.concatenate(beside, axis=1) @ vectors
+        lost = (into * inverse[:, None, :]) @ np.swapaxes(into, 1, 2)
+        one, other, edge = slice(0, BLOCK), slice(BLOCK, 2 * BLOCK), slice(2 * BLOCK, None)
+        diagonal[left] -= lost[:, one, one]
+        diagonal[right] -= lost[:, other, other]
+        border[left] -= lost[:, one, edge]
+        border[right] -= lost[:, other, edge]
+        self.corner -= lost[:, edge, edge].sum(axis=0)
+        coupling[left] = -lost[:, one, other]
+        return into
+
+
+def _forward_at_once(levels: list[_Level], b: Array, edge: Array) -> tuple[Array, list[Array]]:
+    """`_forward` in a row, with what a node gives to others in one product."""
+    stack = []
+    for level in levels:
+        y = np.swapaxes(level.vectors, 1, 2) @ b[level.gone]
+        given = level.into @ (level.inverse[:, :, None] * y)
+        b[level.left] -= given[:, :BLOCK]
+        b[level.right] -= given[:, BLOCK : 2 * BLOCK]
+        edge -= given[:, 2 * BLOCK :].sum(axis=0)
+        stack.append(y)
+        b = b[level.kept]
+    return b, stack
+
+
+def _backward_at_once(levels: list[_Level], stack: list[Array], x: Array, edge: Array) -> Array:
+    """`_backward` in a row, with what a node has of others in one product."""
+    for level, y in zip(reversed(levels), reversed(stack), strict=True):
+        full = np.empty((level.gone.size + level.kept.size, *x.shape[1:]))
+        full[level.kept] = x
+        beyond = np.broadcast_to(edge, (level.gone.size, *edge.shape))
+        others = np.concatenate((full[level.left], full[level.right], beyond), axis=1)
+        known = np.swapaxes(level.into, 1, 2) @ others
+        full[level.gone] = level.vectors @ (level.inverse[:, :, None] * (y - known))
+        x = full
+    return x
 
 
 def _forward(levels: list[_Level], b: Array, edge: Array) -> tuple[Array, list[Array]]:
@@ -399,14 +476,14 @@ class BlockReduction:
         inside = np.zeros((last - first + 1, *b.shape[1:]))
         inside[1:-1] = b[first + 1 : last]
         share = np.zeros((self._width, b.shape[2]))
-        ends, stack = _forward(self._chains[k].levels, inside, share)
+        ends, stack = _forward_at_once(self._chains[k].levels, inside, share)
         return ends, stack, share
 
     def _given_back(self, b: Array, x: Array, stacks: list[list[Array]], edge: Array, k: int) -> None:
         """Put the solutions at the nodes of chain k into b, from those at the ring's nodes x."""
         first, last = self._bounds[k]
         ends = x[[k, (k + 1) % len(self._bounds)]]
-        b[first:last] = _backward(self._chains[k].levels, stacks[k], ends, edge)[:-1]
+        b[first:last] = _backward_at_once(self._chains[k].levels, stacks[k], ends, edge)[:-1]
 
 
 def inertia(matrix: KKTMatrix, shift: float = 0.0, like: KKTMatrix | None = None) -> Inertia:
