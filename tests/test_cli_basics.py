@@ -81,7 +81,14 @@ def test_a_finished_run_loads_no_numerical_libraries(config, tmp_path, monkeypat
     subprocess.run([sys.executable, "-c", code], check=True, stdout=subprocess.DEVNULL)
 
 
-@pytest.mark.parametrize("words", [["ls"], ["ls", "mobius", "--status", "minimum"], ["path", "mobius:1"]])
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["ls"],
+        pytest.param(["ls", "mobius", "--status", "minimum"], marks=pytest.mark.long),
+        ["path", "mobius:1"],
+    ],
+)
 def test_listings_do_without_numpy(words, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     make_run(tmp_path / "runs", 1)

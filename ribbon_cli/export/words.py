@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from ribbon_cli import digits
 from ribbon_cli.parts import HALF_WIDTH
 from ribbon_cli.store import StateRecord, Summary
+from ribbon_cli.text import listed
 
 MEETS_ITSELF = "touches or passes through itself (no contact forces)"
 """Of a state whose facets meet: which of the two it does is not stored, and nothing holds facets apart."""
@@ -72,10 +73,9 @@ def contact_warning(records: Sequence[StateRecord]) -> str:
         return ""
     if len(records) == 1:
         return f"state {found[0].label} {MEETS_ITSELF}"
-    labels = ", ".join(str(record.label) for record in found[:MOST_LABELS])
-    more = f" and {len(found) - MOST_LABELS} more" if len(found) > MOST_LABELS else ""
+    labels = listed((str(record.label) for record in found), MOST_LABELS)
     words = "touch or pass through themselves (no contact forces)"
-    return f"of {len(records)} states {len(found)} {words}: {labels}{more}"
+    return f"of {len(records)} states {len(found)} {words}: {labels}"
 
 
 def linking_name(states: Iterable[Summary | StateRecord]) -> str:

@@ -20,9 +20,9 @@ from ribbon_cli.plot.fields import Choice, chosen, fields_figure
 from ribbon_cli.plot.figure import dressed, state_caption
 from ribbon_cli.plot.flat import pattern_figure
 from ribbon_cli.plot.labels import (
+    LISTED,
     Placed,
     band_text,
-    listed,
     panel_titles,
     parameter_text,
     place_texts,
@@ -45,6 +45,7 @@ from ribbon_cli.report.convergence import Table
 from ribbon_cli.report.rows import Rows
 from ribbon_cli.store import Run, StateRecord, Summary
 from ribbon_cli.store.refs import typed
+from ribbon_cli.text import listed
 
 T = TypeVar("T")
 
@@ -189,7 +190,9 @@ def _without(found: Sequence[Placed], chosen: Sequence[Placed]) -> str:
         what, start = "half-widths", "b = "
     else:
         texts, what, start = [text.replace("$", "") for text in place_texts(found)], "places", ""
-    without = listed([text for place, text in zip(found, texts, strict=True) if id(place) not in kept])
+    without = listed(
+        (text for place, text in zip(found, texts, strict=True) if id(place) not in kept), LISTED
+    )
     return f", {len(chosen)} of {len(found)} {what}, without {start}{without}"
 
 
@@ -330,7 +333,7 @@ def _followed(run: Run, followed: dict[str, list[Summary]], style: Style) -> Pic
     if len(followed) < count:
         title += f", without {count - len(followed)} in other parameters"
     if len(shown) < len(followed):
-        title += f", {len(shown)} of them shown, without {listed(list(followed)[MOST_LOOKS:])}"
+        title += f", {len(shown)} of them shown, without {listed(list(followed)[MOST_LOOKS:], LISTED)}"
     for kind, name in (("fold", "folds"), ("branch-point", "branch points")):
         if kind in types:
             title += f", {name}: {types.count(kind)}"

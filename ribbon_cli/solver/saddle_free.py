@@ -18,7 +18,7 @@ import scipy
 
 from ..model.band import Array
 from ..model.problem import LocalDerivatives, Problem
-from .inertia import count_below, inertia
+from .inertia import count_below, inertia, start_of_probes
 from .kkt import FactorisationError, KKTMatrix
 from .linear import RESIDUAL_LIMIT, Factor
 from .resting_kkt import RestingDerivatives, kkt_matrix
@@ -71,7 +71,7 @@ class Direction:
 
 def start_vector(size: int, fixed: np.ndarray) -> Array:
     """A fixed start (n,) for Lanczos, zero where `fixed`, so that runs repeat bit for bit."""
-    v = np.cos(1.0 + np.arange(size, dtype=np.float64) ** 1.5)
+    v = start_of_probes(size).copy()
     v[fixed] = 0.0
     return v
 
@@ -221,15 +221,18 @@ def newton_step(
     multipliers: Array,
     factor: Factor,
     limit: float = RESIDUAL_LIMIT,
+    gradient: Array | None = None,
 ) -> tuple[Array, Array]:
     """Newton's step (7N,) from a point, and its multipliers (5N+3,).
 
     The system is solved for the change of multipliers: its right-hand side is then the KKT residual, and the
-    accuracy of the solution grows with that of the point. `limit` bounds its relative residual.
+    accuracy of the solution grows with that of the point. `limit` bounds its relative residual. `gradient`
+    (7N,) is the Lagrangian's, where it is known.
     Raises FactorisationError if the system cannot be solved.
     """
     n = problem.size
-    gradient = problem.lagrangian_gradient(local, multipliers)
+    if gradient is None:
+        gradient = problem.lagrangian_gradient(local, multipliers)
     z = factor.solve(
         np.concatenate((-gradient, -local.constraints, np.zeros(factor.matrix.tail))), limit=limit
     )

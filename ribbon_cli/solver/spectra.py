@@ -236,7 +236,7 @@ def lowest_spectra(
     for metric in known:
         assert pencil is not None
         pencil = pencil if metric is pencil.metric else pencil.beside(metric)
-        found = _lowest(pencil, count)
+        found = _lowest(pencil, count, last=metric is known[-1])
         out.append(_assemble(problem, x, metric.name, pencil.mass, found, count, complete=False))
     return out
 
@@ -246,8 +246,8 @@ def lowest_spectrum(problem: Problem, x: Array, local: LocalDerivatives, metric:
     return lowest_spectra(problem, x, local, (metric,), count)[0]
 
 
-def _lowest(pencil: Pencil, count: int) -> _Found:
-    """The lowest eigenpairs, verified.
+def _lowest(pencil: Pencil, count: int, *, last: bool) -> _Found:
+    """The lowest eigenpairs, verified; after the `last` metric reductions are let go.
 
     At a minimum those of the inverse itself are the largest, and one reduction of K serves in every metric.
     Elsewhere, and where many are nearly equal, a shift below all of them is looked for.
@@ -277,6 +277,8 @@ def _lowest(pencil: Pencil, count: int) -> _Found:
         values, vectors = _polished(pencil, shift, new if vectors is None else np.hstack((vectors, new)))
         if vectors.shape[1] >= dimension or _none_missing(pencil, values, count):
             values, vectors = values[:count], vectors[:, :count]
+            if last:
+                pencil.release()
             residuals = pencil.residuals(values, vectors)
             return _Found(values, residuals, residuals + roundoff(pencil.hessian, vectors), vectors)
     raise FactorisationError(f"Lanczos misses some of the {count} lowest eigenvalues")
