@@ -57,8 +57,8 @@ LIFTED = 1e-6
 """Force at which a contact is about to lift."""
 MOST_OPENINGS, MOST_MOVES = 6, 12
 APART, OPEN = 1e-3, 1e-5
-ASTRAY = 0.2
-"""Value of a constraint from which moves that open gaps lead nowhere."""
+ASTRAY = 0.05
+"""Value of a constraint from which all moves together led nowhere."""
 AT_ONCE = 16
 """Gaps, the worst, that are opened first, and with these as many more."""
 MOST_DESCENTS = 80
@@ -455,8 +455,6 @@ def _apart(band: Band, x: Array, pairs: Pairs, gap: float, room: float) -> Array
         wrong = np.concatenate((base.constraints(x), np.minimum(away, 0.0)))
         if float(np.abs(wrong).max()) <= APART * room:
             break
-        if float(np.abs(wrong).max()) > ASTRAY:
-            raise GapLostError("what passes through itself cannot be opened by small moves")
         local = problem.local_derivatives(x, None)
         normal = Factor(
             kkt_matrix(base, base.local_derivatives(x, None), np.zeros((n, 0))).with_unit_metric()
@@ -468,6 +466,8 @@ def _apart(band: Band, x: Array, pairs: Pairs, gap: float, room: float) -> Array
             rows = problem.rows_of(local.touched.jacobian)
             p = p + _least_move(rows, away + rows @ p, normal, OPEN * room)
         x = x + min(1.0, 0.25 / max(change(x, p), 1e-300)) * p
+    if float(np.abs(base.constraints(x)).max()) > ASTRAY:
+        raise GapLostError("what passes through itself cannot be opened by small moves")
     return x
 
 
