@@ -12,7 +12,7 @@ from resting_support import resting
 from ribbon_cli.model.band import State
 from ribbon_cli.model.problem import Problem
 from ribbon_cli.model.touching import EDGE, Shape
-from ribbon_cli.model.touching_audit import Motion, audit, sweeps
+from ribbon_cli.model.touching_audit import Motion, audit, first_meeting
 from ribbon_cli.model.touching_barrier import Neighbourhood, Surroundings, nearest
 from ribbon_cli.model.touching_distances import nearer
 from ribbon_cli.model.touching_features import Features
@@ -109,6 +109,28 @@ def test_each_way_is_looked_at_once(places, monkeypatch):
     assert len(looked) == 1
 
 
+def test_parts_of_a_way_are_looked_at_with_the_whole(places, monkeypatch):
+    """A shorter step on the same line needs no look of its own, and the answer is that of one."""
+    state, xs, _ = places
+    x = xs[0]
+    problem = BarrierProblem(state.band, REACH * state.band.length)
+    looked = _counted(monkeypatch, Surroundings, "first_meeting")
+    random = np.random.default_rng(5)
+    seen = []
+    for _ in range(3):
+        step = 0.01 * random.standard_normal(x.size)
+        allowed = [problem.allows(x, x + 0.5**k * step) for k in range(0, 24, 3)]
+        count = len(looked)
+        fresh = BarrierProblem(state.band, REACH * state.band.length)
+        for k, answer in zip(range(0, 24, 3), allowed, strict=True):
+            fresh._ray = None
+            assert fresh.allows(x, x + 0.5**k * step) == answer
+        seen.append((count, *allowed))
+        looked.clear()
+    assert {count for count, *_ in seen} == {1}
+    assert {answer for _, *allowed in seen for answer in allowed} == {True, False}
+
+
 def test_a_way_beyond_all_lists_is_looked_at_over_all_pairs(places):
     """Whether it passes, as collision detection over every pair of facets has it."""
     state, xs, _ = places
@@ -121,7 +143,7 @@ def test_a_way_beyond_all_lists_is_looked_at_over_all_pairs(places):
         motion.before = motion.after = before
         motion._p, motion._q = before.vertices, after.vertices
         passed = len(motion.passages_of_all_pairs()) > 0
-        assert sweeps(before, after) == passed
+        assert (first_meeting(before, after) <= 1.0) == passed
         seen.add(passed)
     assert seen == {True, False}
 

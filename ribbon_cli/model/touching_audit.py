@@ -287,18 +287,15 @@ def _swept_near(shape: Shape, p: Array, q: Array, features: Features) -> Feature
     return Features(vf[boxes_meet(points, facets, vf)], ee[boxes_meet(edges, edges, ee)])
 
 
-def meets(before: Shape, p: Array, q: Array, features: Features) -> bool:
-    """Whether any of these features meet while vertices go from p to q."""
-    return len(_passages(before, before, p, q, _swept_near(before, p, q, features))) > 0
-
-
-def sweeps(before: Shape, after: Shape) -> bool:
-    """Whether any features meet on the straight way from one shape to another, over all pairs that count in
-    the first."""
+def first_meeting(before: Shape, after: Shape, features: Features | None = None) -> float:
+    """When features first meet on the straight way from one shape to another, infinite if they do not: some
+    features, or all that count in the first shape."""
     p, q = before.vertices, after.vertices
-    swept = _swept_facets((before,), p, q)
-    features = Features.of((before,), *swept, partial(_swept_near, before, p, q))
-    return len(_passages(before, before, p, q, features)) > 0
+    near = partial(_swept_near, before, p, q)
+    if features is None:
+        features = Features.of((before,), *_swept_facets((before,), p, q), near)
+    when = _passages(before, before, p, q, near(features)).when
+    return float(when[0]) if len(when) else np.inf
 
 
 def _meetings(  # type: ignore[no-untyped-def]

@@ -56,7 +56,11 @@ MOST_TRACKED = 20
 LIFTED = 1e-6
 """Force at which a contact is about to lift."""
 MOST_OPENINGS, MOST_MOVES = 6, 12
-APART = 1e-3
+APART, OPEN = 1e-3, 1e-5
+ASTRAY = 0.05
+"""Value of a constraint from which all moves together led nowhere."""
+AT_ONCE = 16
+"""Gaps, the worst, that are opened first, and with these as many more."""
 MOST_DESCENTS = 80
 MOST_FACETS = 6400
 """Facets of a grid on which a way between two grids is looked at."""
@@ -443,7 +447,7 @@ def way_between(before: State, after: State, gap: float = 0.0) -> Motion:
 
 def _apart(band: Band, x: Array, pairs: Pairs, gap: float, room: float) -> Array:
     """The place near x on the constraints at which gaps are at least `gap`, to a part of `room`, by least
-    moves."""
+    moves. Raises GapLostError where these lead off the constraints."""
     problem = RestingProblem(band, pairs, gap)
     base, n = problem.base, problem.size
     for _ in range(MOST_MOVES):
@@ -460,11 +464,29 @@ def _apart(band: Band, x: Array, pairs: Pairs, gap: float, room: float) -> Array
             assert isinstance(local, RestingDerivatives)
             assert local.touched is not None
             rows = problem.rows_of(local.touched.jacobian)
-            none = np.zeros(base.rows)
-            v = np.array([normal.solve(np.concatenate((row, none)))[:n] for row in rows])
-            p = p + pushing(rows @ v.T, away + rows @ p) @ v
+            p = p + _least_move(rows, away + rows @ p, normal, OPEN * room)
         x = x + min(1.0, 0.25 / max(change(x, p), 1e-300)) * p
+    if float(np.abs(base.constraints(x)).max()) > ASTRAY:
+        raise GapLostError("what passes through itself cannot be opened by small moves")
     return x
+
+
+def _least_move(rows: Array, away: Array, normal: Factor, lacks: float) -> Array:
+    """The least move (n,) in the normal factors' metric that makes gaps of some rows (k,n) positive, up to
+    `lacks`. Few of them are in the way: how it answers to a row is found for these alone, the worst first."""
+    n, none = rows.shape[1], np.zeros(normal.matrix.size + normal.matrix.border - rows.shape[1])
+    chosen, move = np.empty(0, dtype=np.int64), np.zeros(n)
+    answers = np.empty((0, n))
+    while True:
+        left = away + rows @ move
+        left[chosen] = np.inf
+        worst = np.argsort(left, kind="stable")[:AT_ONCE]
+        worst = worst[left[worst] < -lacks]
+        if not worst.size:
+            return move
+        new = np.array([normal.solve(np.concatenate((rows[k], none)))[:n] for k in worst])
+        chosen, answers = np.concatenate((chosen, worst)), np.vstack((answers, new))
+        move = pushing(rows[chosen] @ answers.T, away[chosen]) @ answers
 
 
 def united(pairs: Pairs, more: Pairs) -> Pairs:
