@@ -14,14 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .band import Array
-from .contact import near_facets
 from .touching import EDGE, FACET, VERTEX, IntArray, Shape, box_of, cross
 from .touching_features import (
     BLOCK,
     Features,
     boxes_meet,
     boxes_near,
-    corners_of,
     counted,
     edge_distances,
     facets_near,
@@ -87,8 +85,7 @@ def audit(shape: Shape, reach: float | None = None) -> Audit:
 
 
 def _audit(shape: Shape, reach: float) -> Audit:
-    points = shape.vertices
-    i, j = near_facets(corners_of(shape, points), np.zeros(shape.segments), reach)
+    i, j = facets_near((shape,), shape.vertices, np.zeros(shape.segments), reach)
     features = Features.of((shape,), i, j, within_reach(shape, reach))
     heights, over = _over_facets(shape, features.vertex_facet)
     between = edge_distances(shape, features.edge_edge)
@@ -105,7 +102,7 @@ def _audit(shape: Shape, reach: float) -> Audit:
 
 def penetration(shape: Shape) -> float:
     """The greatest depth of an edge through a facet."""
-    i, j = near_facets(corners_of(shape, shape.vertices), np.zeros(shape.segments), 0.0)
+    i, j = facets_near((shape,), shape.vertices, np.zeros(shape.segments), 0.0)
     return float(_crossings(shape, i, j).depth.max(initial=0.0))
 
 
