@@ -44,7 +44,8 @@ class NodeConstraints:
 
     @cached_property
     def _tanh(self) -> Array:
-        return np.tanh(self.local[X])
+        out: Array = np.tanh(self.local[X])
+        return out
 
     @cached_property
     def _sech_squared(self) -> Array:

@@ -14,9 +14,6 @@ import numpy as np
 
 from .band import Array, Band, State
 
-ETA_W = 0.0
-"""Weight of a change of eta beside one of theta in `close`: none, since eta is left alone. Near an inflection
-b |eta'| comes close to 1, and a change of the rulings would make them cross."""
 XI_ROUNDOFF = 4.0
 """Roundoff of b eta', in units of eps (b/h) (|g_i| + |g_{i+1}|): three products of differences."""
 
@@ -107,8 +104,8 @@ def closure_residual(folding: Folding, sigma: int) -> Array:
     return np.concatenate(((last - np.eye(3)).ravel(), f[:, :, 0].mean(axis=0)))
 
 
-def _closure_derivative(folding: Folding, sigma: int) -> tuple[Array, Array]:
-    """Residual (12,) and its Jacobian (12, 2N) in (theta, eta)."""
+def _closure_derivative(folding: Folding, sigma: int, *, by_eta: bool = True) -> tuple[Array, Array]:
+    """Residual (12,) and its Jacobian (12, 2N) in (theta, eta), or (12, N) in theta alone."""
     n = folding.theta.size
     turn = np.diag([1.0, sigma, sigma])
     r = rotations(folding.theta, folding.eta)
@@ -116,21 +113,24 @@ def _closure_derivative(folding: Folding, sigma: int) -> tuple[Array, Array]:
     end = f[-1] @ turn @ r[0]
     before = np.roll(f, 1, axis=0)
     before[0] = f[-1] @ turn
-    spin = spins(before, folding)
+    spin = np.ascontiguousarray(spins(before, folding, by_eta=by_eta).transpose(2, 1, 0))
     tangent = f[:, :, 0]
     downstream = np.cumsum(tangent[::-1], axis=0)[::-1] / n
     downstream[0] = 0.0  # fold 1 is the last one met, no tangent follows it
-    jacobian = np.empty((12, n, 2))
-    for column in range(3):
-        turned = np.cross(spin, end[:, column])
-        jacobian[column:9:3] = turned.transpose(2, 0, 1)
-    jacobian[9:] = np.cross(spin, downstream[:, None, :]).transpose(2, 0, 1)
+    # Each column of the frame, and the end of the midline, turn by spin x what they are.
+    turning = np.empty((4, 3, *spin.shape[1:]))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        turning[:3, i] = spin[j] * end[k][:, None, None]
+        turning[:3, i] -= spin[k] * end[j][:, None, None]
+        turning[3, i] = spin[j] * downstream[:, k] - spin[k] * downstream[:, j]
     residual = np.concatenate(((end - np.eye(3)).ravel(), tangent.mean(axis=0)))
-    return residual, jacobian.transpose(0, 2, 1).reshape(12, 2 * n)
+    rows = np.concatenate((turning[:3].swapaxes(0, 1).reshape(9, -1), turning[3].reshape(3, -1)))
+    return residual, rows
 
 
-def spins(before: Array, folding: Folding) -> Array:
-    """Infinitesimal rotation vectors (N,2,3), in space, of unit changes of theta_i and eta_i.
+def spins(before: Array, folding: Folding, *, by_eta: bool = True) -> Array:
+    """Infinitesimal rotation vectors (N,2,3), in space, of unit changes of theta_i and eta_i; (N,1,3) without
+    those of eta.
 
     `before` (N,3,3) are the frames that the folds start from. The vectors are the fold's axis a itself, and
     for eta that of dR R^T = [v]x with v = sin(theta) a' + (1 - cos(theta)) a x a', a' = da/deta.
@@ -138,6 +138,8 @@ def spins(before: Array, folding: Folding) -> Array:
     w = 1.0 / np.sqrt(1.0 + folding.eta**2)
     zero = np.zeros(folding.theta.size)
     axis = np.stack((folding.eta * w, zero, w), axis=1)
+    if not by_eta:
+        return np.asarray(np.einsum("nij,nkj->nki", before, axis[:, None]))
     daxis = np.stack((w**3, zero, -folding.eta * w**3), axis=1)
     s, c = np.sin(folding.theta)[:, None], np.cos(folding.theta)[:, None]
     spin = np.stack((axis, s * daxis + (1.0 - c) * np.cross(axis, daxis)), axis=1)
@@ -146,25 +148,24 @@ def spins(before: Array, folding: Folding) -> Array:
 
 
 def close(folding: Folding, sigma: int, *, tolerance: float = 1e-13, steps: int = 30) -> Folding:
-    """Restore closure by Gauss-Newton steps of least change in theta; eta stays (see `ETA_W`).
+    """Restore closure by Gauss-Newton steps of least change in theta.
 
+    Eta stays: near an inflection b |eta'| comes close to 1, and other rulings would cross.
     `tolerance` bounds `closure_residual`; where roundoff keeps it above that, 1e-11 will do.
     Raises ClosureError if the residual does not fall to that in `steps` steps.
     """
     current = folding
-    n = folding.theta.size
+    scale = 1.0 / folding.theta.size
     best = np.inf
     for _ in range(steps):
-        residual, jacobian = _closure_derivative(current, sigma)
+        residual, jacobian = _closure_derivative(current, sigma, by_eta=False)
         size = float(np.abs(residual).max())
         if size <= tolerance or (size < 1e-11 and size >= 0.5 * best):
             return current
         best = min(best, size)
-        # A change of theta per node scales with h, a change of eta does not: measure both per length.
-        scale = np.concatenate((np.full(n, 1.0 / n), np.full(n, ETA_W)))
         step = scale * np.linalg.lstsq(jacobian * scale, -residual, rcond=1e-9)[0]
-        limit = min(1.0, 0.3 / max(float(np.abs(step[:n]).max()), float(np.abs(step[n:]).max()), 1e-300))
-        current = Folding(current.theta + limit * step[:n], current.eta + limit * step[n:])
+        limit = min(1.0, 0.3 / max(float(np.abs(step).max()), 1e-300))
+        current = Folding(current.theta + limit * step, current.eta)
     raise ClosureError(f"the strip does not close: residual {best:.1e} after {steps} steps")
 
 

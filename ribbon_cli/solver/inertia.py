@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 import scipy
@@ -51,9 +51,11 @@ class Inertia:
         return self.roundoff < CONTRACTION
 
 
+@lru_cache(maxsize=4)
 def start_of_probes(size: int) -> Array:
     """A fixed vector (size,) with a part along everything."""
     out: Array = np.cos(1.0 + np.arange(size, dtype=np.float64) ** 1.5)
+    out.flags.writeable = False
     return out
 
 

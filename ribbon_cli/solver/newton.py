@@ -72,9 +72,10 @@ def iterate_at(problem: Problem, x: Array, multipliers: Array | None) -> Iterate
     local = problem.local_derivatives(x, multipliers)
     if multipliers is None:
         multipliers = np.zeros(problem.rows)
-    kkt = float(np.abs(problem.lagrangian_gradient(local, multipliers)).max())
+    gradient = problem.lagrangian_gradient(local, multipliers)
+    kkt = float(np.abs(gradient).max())
     constraint = float(np.abs(local.constraints / problem.weights).max())
-    return Iterate(problem, x, multipliers, local, kkt, constraint)
+    return Iterate(problem, x, multipliers, local, gradient, kkt, constraint)
 
 
 def estimate_multipliers(problem: Problem, x: Array) -> Array:
@@ -103,6 +104,11 @@ def _estimate(problem: Problem, local: LocalDerivatives, normal: Factor) -> Arra
     n, rows = problem.size, problem.rows
     rhs = np.concatenate((-local.gradient, np.zeros(rows + normal.matrix.tail)))
     return -normal.solve(rhs)[n : n + rows]
+
+
+def _newton_step(point: Iterate, factor: Factor, limit: float = RESIDUAL_LIMIT) -> tuple[Array, Array]:
+    """Newton's step (7N,) from a point, and its multipliers."""
+    return newton_step(point.problem, point.local, point.multipliers, factor, limit, point.gradient)
 
 
 def inverted_facets(problem: Problem, x: Array) -> Array:
@@ -263,7 +269,7 @@ class _Solve:
         factor = self._regular(matrix)
         # An inexact Newton step, as accurate as quadratic convergence or the goal needs it.
         limit = max(RESIDUAL_LIMIT, 1e-3 * min(point.worst, 1.0), 0.1 * self.options.goal / point.worst)
-        plain = newton_step(self.problem, point.local, point.multipliers, factor, limit)
+        plain = _newton_step(point, factor, limit)
         following = self._meet_saddle(point, factor, plain)
         if following is None:
             if self.fine and factor.surplus:
@@ -320,7 +326,7 @@ class _Solve:
         factor = Factor(matrix)  # anew: the proof may have left one with another regularisation
         if leaves:
             return None, self._left_saddle(point, factor, negative)
-        step = newton_step(self.problem, point.local, point.multipliers, factor)
+        step = _newton_step(point, factor)
         return self._unsettled(point, *step)
 
     def _judge_fine(self, point: Iterate, matrix: KKTMatrix) -> tuple[Result | None, Iterate | None]:
@@ -332,7 +338,7 @@ class _Solve:
         """
         try:
             factor = self._exact(matrix)
-            step, multipliers = newton_step(self.problem, point.local, point.multipliers, factor)
+            step, multipliers = _newton_step(point, factor)
         except FactorisationError as error:
             return self._result(Status.UNDECIDED, point, detail=f"({error}.)"), None
         left = change(point.x, step)
@@ -367,7 +373,7 @@ class _Solve:
     def _settled(self, point: Iterate, factor: Factor) -> tuple[Array, Array] | None:
         """Where the next Newton step leads, if that is as near as a certificate asks for."""
         try:
-            step, multipliers = newton_step(self.problem, point.local, point.multipliers, factor)
+            step, multipliers = _newton_step(point, factor)
         except FactorisationError:
             return None
         return (point.x + step, multipliers) if change(point.x, step) <= SETTLED else None

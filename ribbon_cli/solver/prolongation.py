@@ -61,16 +61,31 @@ def inflections(kappa: Array, band: Band) -> Array:
     threshold = 1e-9 * float(np.abs(kappa).max())
     if float(np.abs(kappa).min()) > 0 and (np.sign(kappa) == np.sign(kappa[0])).all() and band.sigma > 0:
         return np.empty(0)
-    spline = closed_spline(kappa, band.length, 0.0, band.sigma)
+    spline = _curvature_spline(kappa, band)
     roots = np.asarray(spline.roots(extrapolate=False))
     slopes = np.abs(spline(roots, 1)) > threshold
     return np.unique(np.round(roots[slopes & (roots < band.length * (1 - 1e-12))], 14))
 
 
+def _curvature_spline(kappa: Array, band: Band) -> CubicSpline:
+    """The spline through curvatures (N,) at the nodes; inflections and new nodes are looked up on it."""
+    return _known_spline(kappa.tobytes(), band.length, band.sigma)
+
+
+@lru_cache(maxsize=2)
+def _known_spline(kappa: bytes, length: float, sigma: int) -> CubicSpline:
+    return closed_spline(np.frombuffer(kappa), length, 0.0, sigma)
+
+
+@lru_cache(maxsize=2)
+def _folding_of(state: State) -> Folding:
+    return folding.from_state(state)
+
+
 @lru_cache(maxsize=4)
 def inflections_of(state: State) -> Array:
     """Arclengths (k,) of a state's inflections; see `inflections`. Asked for more than once."""
-    return inflections(folding.from_state(state).curvature(state.band.h), state.band)
+    return inflections(_folding_of(state).curvature(state.band.h), state.band)
 
 
 def grid_shift(roots: Array, h: float, phase: Phase) -> float:
@@ -96,14 +111,13 @@ def smooth(state: State, segments: int, phase: Phase = Phase.FACET) -> Start:
     if not state.band.closed:
         return smooth_strip(state, segments)
     old, new = state.band, state.band.with_segments(segments)
-    length, sigma = old.length, old.sigma
-    fold = folding.from_state(state)
+    fold = _folding_of(state)
     kappa = fold.curvature(old.h)
     shift = grid_shift(inflections_of(state), new.h, phase)
     nodes: Array = shift + new.h * np.arange(segments, dtype=np.float64)
     eta = _sampled_eta(state, fold.eta, new, nodes)
-    theta = _sample(kappa, 0.0, sigma, length, nodes) * new.h * np.sqrt(1.0 + eta**2)
-    closed = folding.close(Folding(theta, eta), sigma)
+    theta = _sampled(_curvature_spline(kappa, old), 0.0, old, nodes) * new.h * np.sqrt(1.0 + eta**2)
+    closed = folding.close(Folding(theta, eta), old.sigma)
     fine = _placed_like(state, folding.to_state(new, closed), shift)
     return Start(fine, f"smooth prolongation, inflection on a {phase.value}")
 
@@ -138,9 +152,13 @@ def clear_phase(state: State) -> Phase | None:
     return Phase.NODE if alike[0] > 0 else Phase.FACET
 
 
-def _sample(values: Array, first: float, sign: int, length: float, s: Array) -> Array:
-    spline = closed_spline(values, length, first, sign)
-    period = length if sign > 0 else 2.0 * length
+def _sample(values: Array, first: float, band: Band, s: Array) -> Array:
+    """Values (N,) at first, first + h, ... of a band, interpolated at arclengths s."""
+    return _sampled(closed_spline(values, band.length, first, band.sigma), first, band, s)
+
+
+def _sampled(spline: CubicSpline, first: float, band: Band, s: Array) -> Array:
+    period = band.length if band.sigma > 0 else 2.0 * band.length
     out: Array = spline(first + (s - first) % period)
     return out
 
@@ -153,11 +171,11 @@ def _sampled_eta(state: State, eta: Array, fine: Band, nodes: Array) -> Array:
     over by its power of h; what the caps take off is spread over the other facets, by their slack.
     """
     old = state.band
-    direct = _sample(eta, 0.0, old.sigma, old.length, nodes)
+    direct = _sample(eta, 0.0, old, nodes)
     following = np.append(direct[1:], old.sigma * direct[0])
 
     def xi() -> Array:
-        return _sample(state.xi, 0.5 * old.h, old.sigma, old.length, nodes + 0.5 * fine.h)
+        return _sample(state.xi, 0.5 * old.h, old, nodes + 0.5 * fine.h)
 
     rise = _capped_rise(state, following - direct, fine, xi)
     if rise is None:

@@ -18,7 +18,7 @@ import scipy
 
 from ..model.band import Array
 from ..model.problem import LocalDerivatives, Problem
-from .inertia import count_below, inertia
+from .inertia import count_below, inertia, start_of_probes
 from .kkt import FactorisationError, KKTMatrix
 from .linear import RESIDUAL_LIMIT, Factor
 from .resting_kkt import RestingDerivatives, kkt_matrix
@@ -32,6 +32,8 @@ EXACT_STEPS = 20
 """The same where the block reduction solves, as on fine grids: a step takes a second at N = 100 000."""
 BENT_FROM = 1e-5
 """Largest component of a step, with gaps, up to which it is the exact one."""
+ADDED = (0.0, *(10.0**k for k in range(-2, 6)))
+"""What is added to the Hessian there, one after the other."""
 FIRST_SHIFT = -1e-2
 """Where a search for a shift begins if nothing is known of the eigenvalues."""
 SHIFTED_STEPS = 240
@@ -69,7 +71,7 @@ class Direction:
 
 def start_vector(size: int, fixed: np.ndarray) -> Array:
     """A fixed start (n,) for Lanczos, zero where `fixed`, so that runs repeat bit for bit."""
-    v = np.cos(1.0 + np.arange(size, dtype=np.float64) ** 1.5)
+    v = start_of_probes(size).copy()
     v[fixed] = 0.0
     return v
 
@@ -219,15 +221,18 @@ def newton_step(
     multipliers: Array,
     factor: Factor,
     limit: float = RESIDUAL_LIMIT,
+    gradient: Array | None = None,
 ) -> tuple[Array, Array]:
     """Newton's step (7N,) from a point, and its multipliers (5N+3,).
 
     The system is solved for the change of multipliers: its right-hand side is then the KKT residual, and the
-    accuracy of the solution grows with that of the point. `limit` bounds its relative residual.
+    accuracy of the solution grows with that of the point. `limit` bounds its relative residual. `gradient`
+    (7N,) is the Lagrangian's, where it is known.
     Raises FactorisationError if the system cannot be solved.
     """
     n = problem.size
-    gradient = problem.lagrangian_gradient(local, multipliers)
+    if gradient is None:
+        gradient = problem.lagrangian_gradient(local, multipliers)
     z = factor.solve(
         np.concatenate((-gradient, -local.constraints, np.zeros(factor.matrix.tail))), limit=limit
     )
@@ -264,17 +269,21 @@ def direction(
 def _bent_up(
     problem: Problem, local: LocalDerivatives, multipliers: Array, factor: Factor, step: Array
 ) -> tuple[Array, Array] | None:
-    """A long step where what gaps bring into the Hessian is left out as far as it is negative; None where it
-    is negative all the same, or without gaps.
+    """A long step with a positive definite Hessian; None without gaps, and where it is so as it is.
 
-    Far from a minimum gaps that push, or a barrier's, have many negative directions, whose eigenvectors take
-    longer to find than several steps; this one is downhill as well.
+    What gaps bring into the Hessian is left out as far as it is negative, and as much is added as is left to
+    be made good. Far from a minimum gaps that push, or a barrier's, have many negative directions, hidden
+    among stiff ones, whose eigenvectors take longer to find than many steps; this one is downhill as well.
     """
     if not isinstance(local, RestingDerivatives) or np.abs(step).max() < BENT_FROM or not factor.surplus:
         return None
     convex = local.convex()
-    other = Factor(kkt_matrix(problem, convex, factor.matrix.rotations))
-    return None if other.surplus else newton_step(problem, convex, multipliers, other)
+    matrix = kkt_matrix(problem, convex, factor.matrix.rotations)
+    for added in ADDED:
+        other = Factor(matrix, shift=-added)
+        if not other.surplus:
+            return newton_step(problem, convex, multipliers, other)
+    return None
 
 
 def _negative_space(

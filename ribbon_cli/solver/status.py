@@ -109,12 +109,14 @@ class Result:
 
 @dataclass(frozen=True, eq=False)
 class Iterate:
-    """A place x (7N,) with multipliers (5N+3,), its derivatives, and both residuals as `Result` has them."""
+    """A place x (7N,) with multipliers (5N+3,), its derivatives and the Lagrangian's `gradient` (7N,), and
+    both residuals as `Result` has them."""
 
     problem: Problem
     x: Array
     multipliers: Array
     local: LocalDerivatives
+    gradient: Array
     kkt_residual: float
     constraint_residual: float
 
