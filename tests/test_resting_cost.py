@@ -117,6 +117,9 @@ def test_parts_of_a_way_are_looked_at_with_the_whole(places, monkeypatch):
     looked = _counted(monkeypatch, Surroundings, "first_meeting")
     random = np.random.default_rng(5)
     seen = []
+    assert problem.allows(x, x.copy())
+    assert problem.allows(x, x.copy())
+    looked.clear()
     for _ in range(3):
         step = 0.01 * random.standard_normal(x.size)
         allowed = [problem.allows(x, x + 0.5**k * step) for k in range(0, 24, 3)]

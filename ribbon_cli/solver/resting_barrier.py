@@ -60,7 +60,7 @@ class BarrierProblem(Problem):
             return False
         # Vertices are linear in x: a part of a way meets nothing if all of it does so later only.
         move, ray = y - x, self._ray
-        if ray is not None and ray[0] is x:
+        if ray is not None and ray[0] is x and ray[1].any():
             part = float(move @ ray[1]) / float(ray[1] @ ray[1])
             off = np.abs(move - part * ray[1]).max()
             if 0.0 < part <= 1.0 and off <= ROUNDING * np.abs(x).max():
