@@ -28,14 +28,19 @@ ROOM = 0.004
 
 class BarrierProblem(Problem):
     """A problem with the barrier over pairs nearer than `reach`, beyond the gap that they are to keep, in its
-    energy."""
+    energy.
 
-    def __init__(self, band: Band, reach: float, gap: float = 0.0) -> None:
+    `near_by` are the lists of another barrier in whose place this one comes, of a longer reach.
+    """
+
+    def __init__(
+        self, band: Band, reach: float, gap: float = 0.0, near_by: Surroundings | None = None
+    ) -> None:
         super().__init__(band)
         self.base = Problem(band)
         self.reach, self.gap = reach, gap
         self.kappa = STIFFNESS * reach
-        self.near_by = Surroundings(self.gap + SPARE * self.reach, ROOM * band.length)
+        self.near_by = near_by or Surroundings(self.gap + SPARE * self.reach, ROOM * band.length)
         self._spare: Copies | None = None
         self._last: tuple[Array, Shape] | None = None
         self._ray: tuple[Array, Array, float] | None = None
