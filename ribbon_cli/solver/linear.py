@@ -54,7 +54,8 @@ class Factor:
     estimate of the number of eigenvalues of the projected Hessian below `shift`. The certificate's count
     is `inertia.inertia`.
     With `exact` nothing is regularised: the block reduction solves and counts from the beginning.
-    `regularisation` stands for the usual one. Raises FactorisationError if the matrix is not finite.
+    `regularisation` stands for the usual one. With a `definite` Hessian and nothing but multipliers beside it
+    no pivot is zero, and none is looked at. Raises FactorisationError if the matrix is not finite.
     """
 
     def __init__(
@@ -64,6 +65,7 @@ class Factor:
         shift: float = 0.0,
         exact: bool = False,
         regularisation: float | None = None,
+        definite: bool = False,
     ) -> None:
         self.matrix = matrix
         self.shift = shift
@@ -76,6 +78,7 @@ class Factor:
         self._known: Array | None = None
         self._solver: qdldl.Solver | None = None
         self._found = False
+        self._definite = definite and matrix.duals == matrix.border
         self._large = matrix.size > 7 * FINE
         self.exact, self.stale = exact, False
         if exact:
@@ -101,7 +104,8 @@ class Factor:
             else:
                 self._solver.update(upper, upper=True)
                 # qdldl 0.1.9: where a new solver raises for a zero pivot, an update ends there in silence.
-                self._known = np.asarray(self._solver.factors()[1])
+                if not self._definite:
+                    self._known = np.asarray(self._solver.factors()[1])
             self._found = self._known is None or bool(self._known.all())
         except RuntimeError:
             self._found = False
