@@ -6,7 +6,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -30,10 +30,14 @@ from ribbon_cli.solver.resting_set import (
 )
 from ribbon_cli.solver.saddle_free import newton_step
 
+from .ours import refined, solve_options, table
+
 ROOT = Path(__file__).parents[1]
 WAY = ROOT / "configs" / "contact" / "pi-200.yaml"
+WIDTHS = (0.5, 1.0, 1.3, 1.5)
+TOUCHES_NOTHING = WIDTHS[-1]
 BY = 0.03
-"""How much wider than a band that touches nothing the one is that rests on itself."""
+"""Half-widths on the way to a band that touches nothing yet, and by how much that is widened to rest."""
 NOT_CERTIFIED = 3
 """Exit code where a target has no certificate."""
 LIMIT = 1e-6
@@ -76,10 +80,15 @@ class Contact:
     seconds: float | None
 
 
-def measure_contact(free: Mapping[int, State], way: bool, say: Callable[[str], None]) -> Contact:
-    """From states that touch nothing, by N."""
-    costs = []
-    for n, state in free.items():
+def measure_contact(guess: State, levels: Sequence[int], way: bool, say: Callable[[str], None]) -> Contact:
+    """From the twisted guess, widened to where it touches nothing yet and refined; with the whole `way` or
+    without."""
+    say(f"a band of b = {TOUCHES_NOTHING:g}")
+    start, costs = table(guess, (guess.band.half_width, *WIDTHS), (guess.band.segments,)), []
+    state = start[TOUCHES_NOTHING, guess.band.segments].state
+    for n in levels:
+        if n > state.band.segments:
+            state = refined(state, n, solve_options()).state
         say(f"Newton steps with contact at N = {n}")
         costs.append(_cost(state))
     seconds = None

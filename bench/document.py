@@ -64,7 +64,7 @@ def _measured(part: Part) -> str:
     return f"{heading}\n\n{where}\n\n{required(part.rules)}\n\n{rest}"
 
 
-NAMES = ("command", "table", "scaling", "strips")
+NAMES = ("command", "table", "scaling", "strips", "contact")
 """The parts in their order."""
 
 

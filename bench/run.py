@@ -17,6 +17,8 @@ from ribbon_cli.model.band import State
 from . import peer
 from .command import CONFIG, whole_command
 from .compare import compare
+from .contact import measure_contact
+from .contact_page import contact_part
 from .document import NAMES, Part, Whole, command_part, page, strips_part, table_part
 from .ours import Table, table, twisted_guess
 from .refinements import refinements
@@ -31,7 +33,8 @@ DOCUMENT = Path(__file__).parents[1] / "docs" / "benchmarks.md"
 @dataclass(frozen=True)
 class Size:
     """How much is measured: the table, its runs, repeats of solves at `half_width` by N, the finest grids of
-    ours and of the peer, strips (segments and steps of the path), and runs of the whole command."""
+    ours and of the peer, strips (segments and steps of the path), runs of the whole command, and grids of
+    bands at rest on themselves."""
 
     widths: tuple[float, ...]
     levels: tuple[int, ...]
@@ -41,6 +44,7 @@ class Size:
     finest: tuple[int, int]
     strips: tuple[int, int]
     commands: int
+    contact: tuple[int, ...]
 
 
 FULL = Size(
@@ -52,8 +56,9 @@ FULL = Size(
     (102400, 102400),
     (200, STEPS),
     5,
+    (100, 200, 400),
 )
-QUICK = Size((0.1, 0.2), (50, 100), 1, 0.2, {50: 1, 100: 1}, (400, 100), (50, 3), 1)
+QUICK = Size((0.1, 0.2), (50, 100), 1, 0.2, {50: 1, 100: 1}, (400, 100), (50, 3), 1, (50,))
 
 
 class Bench:
@@ -106,6 +111,11 @@ class Bench:
         band = self.reached[self.size.half_width, self.size.levels[-1]].state
         return strips_part(measure_strips(band, *self.size.strips, self.size.runs, _say))
 
+    def contact(self) -> Part:
+        """Bands at rest on themselves; of a quick run the way along the width is left out."""
+        full = self.size is FULL
+        return contact_part(measure_contact(self.guess, self.size.contact, full, _say))
+
 
 def _before(reached: Table, size: Size) -> State:
     """The coarsest state of the width before, as a start at `half_width`."""
@@ -131,6 +141,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         "table": bench.table,
         "scaling": bench.scaling,
         "strips": bench.strips,
+        "contact": bench.contact,
     }
     parts = [measure() for name, measure in measures.items() if name in (asked.only or NAMES)]
     before = asked.output.read_text(encoding="utf-8") if asked.output.exists() else ""

@@ -56,11 +56,11 @@ def _section(found: Scaling) -> str:
     return f"""## Scaling
 
 The band of b = {found.half_width:g} is refined level by level. Each level is a process of its own, which
-begins with the stored state of the level before. Its seconds hold prolongation, certificate and symbolic
-factorisation, but no files. Its memory is by how much it raises the peak of a process that has everything
-loaded. A step is from one Newton iterate to the next: derivatives, matrix, factors and solution. Medians of
-five runs up to N = 800, of three up to 3200. The peer begins with the same prolongation, in a process of its
-own; its building counts in memory alone.{_ended(found)}
+begins with the stored state of the level before and has one thread. Its seconds hold prolongation,
+certificate and symbolic factorisation, but no files and no spectra. Its memory is by how much it raises the
+peak of a process that has everything loaded. A step is from one Newton iterate to the next: derivatives,
+matrix, factors and solution. Medians of five runs up to N = 800, of three up to 3200. The peer begins with
+the same prolongation, in a process of its own; its building counts in memory alone.{_ended(found)}
 
 ![Time and memory over the number of segments]({PICTURE})
 
@@ -118,8 +118,8 @@ def draw(found: Scaling, path: Path) -> None:
             axes.plot(n, [start * m for m in n], ":", color="0.45", label="proportional to N")
         axes.set(xscale="log", yscale="log", xlabel="segments N", ylabel=words)
         axes.grid(True, which="major", color="0.9", linewidth=0.6)
-        axes.legend(fontsize=7, frameon=False)
         for line in axes.lines:
             line.set(markersize=3.5, linewidth=1.1)
+        axes.legend(fontsize=7, frameon=False)
     figure.savefig(path)
     plt.close(figure)

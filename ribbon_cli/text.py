@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Sequence
+from collections.abc import Container, Iterable, Sequence
 from unicodedata import category
 
 
@@ -40,6 +40,13 @@ def pipes(rows: Sequence[Sequence[str]], left: Container[int] = ()) -> str:
     """The same as a pipe table of Markdown, the heads first."""
     rule = [":---" if k in left else "---:" for k in range(len(rows[0]))]
     return "\n".join(f"| {' | '.join(row)} |" for row in (rows[0], rule, *rows[1:]))
+
+
+def listed(words: Iterable[str], most: int = 12) -> str:
+    """The first few of some words, and how many there are besides: `a, b and 3 more`."""
+    words = list(words)
+    more = f" and {len(words) - most} more" if len(words) > most else ""
+    return ", ".join(words[:most]) + more
 
 
 def ranges(labels: Sequence[int]) -> str:

@@ -55,9 +55,11 @@ def test_version():
 
 
 def test_the_entry_point_imports_nothing_heavy():
+    """Nor what describes a state, which `--help` does not need."""
     code = (
         "import sys, ribbon_cli, ribbon_cli.cli.main\n"
         "heavy = {'numpy', 'scipy', 'h5py', 'rich', 'matplotlib', 'yaml', 'qdldl', 'filelock'}\n"
+        "heavy |= {f'ribbon_cli.store.{name}' for name in ('record', 'summaries', 'layout', 'events')}\n"
         "sys.exit(str(sorted(heavy & sys.modules.keys())) if heavy & sys.modules.keys() else 0)"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
@@ -81,7 +83,14 @@ def test_a_finished_run_loads_no_numerical_libraries(config, tmp_path, monkeypat
     subprocess.run([sys.executable, "-c", code], check=True, stdout=subprocess.DEVNULL)
 
 
-@pytest.mark.parametrize("words", [["ls"], ["ls", "mobius", "--status", "minimum"], ["path", "mobius:1"]])
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["ls"],
+        pytest.param(["ls", "mobius", "--status", "minimum"], marks=pytest.mark.long),
+        ["path", "mobius:1"],
+    ],
+)
 def test_listings_do_without_numpy(words, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     make_run(tmp_path / "runs", 1)

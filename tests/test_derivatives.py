@@ -27,7 +27,9 @@ def slopes_at(problem: Problem, x: Array, seed: int) -> dict[str, float]:
     return problem_slopes(problem, x, rng.standard_normal(problem.rows), d / np.linalg.norm(d))
 
 
-@pytest.mark.parametrize("rule", list(Discretisation))
+@pytest.mark.parametrize(
+    "rule", [Discretisation.THESIS, pytest.param(Discretisation.VALUE_AVERAGE, marks=pytest.mark.long)]
+)
 @pytest.mark.parametrize("sigma", [1, -1])
 @pytest.mark.parametrize("case", PRESCRIPTIONS)
 def test_taylor_slopes_away_from_the_constraints(rule: Discretisation, sigma: int, case: str) -> None:

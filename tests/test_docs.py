@@ -87,17 +87,17 @@ def shell(tmp_path: Path) -> dict[str, str]:
     return environment(PATH=path, PYTHONPATH=str(ROOT), PYTHONWARNINGS=warnings, TERM="dumb")
 
 
-def followed_first(page: Path) -> bool:
-    """Whether users meet a page first: its examples are in `make test`, the others' in `make test-docs`."""
-    return page.parent == ROOT
+def marks(page: Path) -> tuple[pytest.MarkDecorator, ...]:
+    """Examples of pages that users meet first are in `make test`, the others' in `make test-docs`, but for
+    the gallery of strips: it takes a third of their time, and is in `make test-long`.
+    """
+    if page.parent == ROOT:
+        return ()
+    return (pytest.mark.long if page.name == "strips-gallery.md" else pytest.mark.docs,)
 
 
 @pytest.mark.parametrize(
-    "page",
-    [
-        pytest.param(page, id=page_name(page), marks=() if followed_first(page) else pytest.mark.docs)
-        for page in PAGES
-    ],
+    "page", [pytest.param(page, id=page_name(page), marks=marks(page)) for page in PAGES]
 )
 def test_the_examples_run(page: Path, tmp_path: Path, shell: dict[str, str]) -> None:
     folder = tmp_path / "work"

@@ -84,7 +84,15 @@ def test_patterns_fold_back(name, half_width, bands):
     np.testing.assert_allclose(g @ turn, state.g, atol=1e-6)
 
 
-@pytest.mark.parametrize("stage", ["eversion 3/5", "half turned 2/4", "halves rejoined", "saddle"])
+@pytest.mark.parametrize(
+    "stage",
+    [
+        "eversion 3/5",
+        pytest.param("half turned 2/4", marks=pytest.mark.long),
+        pytest.param("halves rejoined", marks=pytest.mark.long),
+        "saddle",
+    ],
+)
 @pytest.mark.parametrize("form", [*FORMATS, "npz"])
 def test_every_state_is_exported_or_refused_in_a_line(form, stage, bands, tmp_path):
     run = run_of(bands, "eversion")

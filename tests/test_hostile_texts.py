@@ -239,7 +239,15 @@ def test_what_is_no_state_is_called_what_it_is(folder, command):
         assert words in result.stdout + result.stderr, result.output
 
 
-@pytest.mark.parametrize("words", [["--help"], ["solve", "-h"], [], ["--version"]])
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["--help"],
+        ["solve", "-h"],
+        pytest.param([], marks=pytest.mark.long),
+        pytest.param(["--version"], marks=pytest.mark.long),
+    ],
+)
 def test_help_that_cannot_be_written_ends_in_one_line(words):
     start = partial(subprocess.run, [*COMMAND, *words], stderr=subprocess.PIPE, text=True, env=environment())
     with open("/dev/full", "w") as full:

@@ -35,6 +35,8 @@ from ribbon_cli.report.rows import Column, Rows
 from ribbon_cli.store import Summary
 
 STYLE = STYLES["paper"]
+LATER = ("shapes", "table", "spectrum")
+"""Kinds that take long to be drawn, and whose letters are those of other kinds."""
 
 
 def look(line: Line2D) -> tuple[str, str, str, str]:
@@ -180,8 +182,14 @@ def test_titles_of_shapes_say_what_differs(solved):  # noqa: F811
 # --- widths and titles ---
 
 
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("width", [86, pytest.param(178, marks=pytest.mark.long)])
+@pytest.mark.parametrize(
+    ("kind", "width"),
+    [
+        pytest.param(kind, width, marks=pytest.mark.long if width == 178 or kind in LATER else ())
+        for kind in KINDS
+        for width in (86, 178)
+    ],
+)
 def test_a_picture_is_as_wide_as_asked_and_its_letters_legible(kind, width, solved):  # noqa: F811
     style = of_width(STYLE, width)
     source = source_of(kind, solved)

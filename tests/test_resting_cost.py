@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import tracemalloc
+from functools import partial
+
 import numpy as np
 import pytest
 from resting_support import resting
@@ -9,14 +12,16 @@ from resting_support import resting
 from ribbon_cli.model.band import State
 from ribbon_cli.model.problem import Problem
 from ribbon_cli.model.touching import EDGE, Shape
-from ribbon_cli.model.touching_audit import Motion, sweeps
-from ribbon_cli.model.touching_barrier import Surroundings, nearest
+from ribbon_cli.model.touching_audit import Motion, audit, first_meeting
+from ribbon_cli.model.touching_barrier import Neighbourhood, Surroundings, nearest
 from ribbon_cli.model.touching_distances import nearer
+from ribbon_cli.model.touching_features import Features
 from ribbon_cli.model.touching_gaps import Pairs, arguments, gap_values, gaps, vectors
 from ribbon_cli.model.touching_gaps import places as places_of
 from ribbon_cli.solver import resting_barrier, resting_kkt, saddle_free
 from ribbon_cli.solver.linear import Factor
 from ribbon_cli.solver.newton import Options, iterate_at, solve
+from ribbon_cli.solver.prolongation import divided
 from ribbon_cli.solver.resting import RestingProblem
 from ribbon_cli.solver.resting_barrier import BarrierProblem
 from ribbon_cli.solver.resting_exchange import off_features
@@ -79,14 +84,17 @@ def test_places_to_spare_change_no_solution(places):
 
 
 def test_one_list_over_all_pairs_serves_many_shapes(places, monkeypatch):
-    """And the short ones that are taken from it miss no pair."""
+    """And the short ones that are taken from it miss no pair of all that there are."""
     state, xs, _ = places
     collected = _counted(monkeypatch, resting_barrier.Surroundings, "of")
     around = Surroundings(REACH * state.band.length, 0.004 * state.band.length)
-    for x in xs:
-        shape = Shape.of(type(state).from_vector(state.band, x))
+    for k, x in enumerate(xs):
+        shape = Shape.of(State.from_vector(state.band, x))
         near = nearest(shape, around.of(shape).features, around.reach).unique()
         assert set(near.names()) == set(nearer(shape, around.reach).names())
+        if k % 10 == 0:
+            every = Features.of((shape,), *np.triu_indices(shape.segments, 1))
+            assert set(near.names()) == set(nearest(shape, every, around.reach).names())
     assert around.collected == 1
     assert len(collected) == len(xs)
 
@@ -101,21 +109,41 @@ def test_each_way_is_looked_at_once(places, monkeypatch):
     assert len(looked) == 1
 
 
+def test_parts_of_a_way_are_looked_at_with_the_whole(places, monkeypatch):
+    """A shorter step on the same line needs no look of its own, and the answer is that of one."""
+    state, xs, _ = places
+    x = xs[0]
+    problem = BarrierProblem(state.band, REACH * state.band.length)
+    looked = _counted(monkeypatch, Surroundings, "first_meeting")
+    random = np.random.default_rng(5)
+    seen = []
+    for _ in range(3):
+        step = 0.01 * random.standard_normal(x.size)
+        allowed = [problem.allows(x, x + 0.5**k * step) for k in range(0, 24, 3)]
+        count = len(looked)
+        fresh = BarrierProblem(state.band, REACH * state.band.length)
+        for k, answer in zip(range(0, 24, 3), allowed, strict=True):
+            fresh._ray = None
+            assert fresh.allows(x, x + 0.5**k * step) == answer
+        seen.append((count, *allowed))
+        looked.clear()
+    assert {count for count, *_ in seen} == {1}
+    assert {answer for _, *allowed in seen for answer in allowed} == {True, False}
+
+
 def test_a_way_beyond_all_lists_is_looked_at_over_all_pairs(places):
     """Whether it passes, as collision detection over every pair of facets has it."""
     state, xs, _ = places
     random = np.random.default_rng(3)
     seen = set()
     for size in (1e-5, 3e-4, 3e-3, 3e-2):
-        before = Shape.of(type(state).from_vector(state.band, xs[0]))
-        after = Shape.of(
-            type(state).from_vector(state.band, xs[0] + size * random.standard_normal(xs[0].size))
-        )
+        before = Shape.of(State.from_vector(state.band, xs[0]))
+        after = Shape.of(State.from_vector(state.band, xs[0] + size * random.standard_normal(xs[0].size)))
         motion = Motion.__new__(Motion)
         motion.before = motion.after = before
         motion._p, motion._q = before.vertices, after.vertices
         passed = len(motion.passages_of_all_pairs()) > 0
-        assert sweeps(before, after) == passed
+        assert (first_meeting(before, after) <= 1.0) == passed
         seen.add(passed)
     assert seen == {True, False}
 
@@ -189,3 +217,24 @@ def test_a_convex_gap_has_no_negative_part():
     assert np.linalg.eigvalsh(bent.touched.hessian).min() > -1e-9
     left = bent.touched.hessian - local.touched.hessian
     assert np.linalg.eigvalsh(left).min() > -1e-9
+
+
+def test_memory_of_lists_and_looks_grows_no_faster_than_the_grid():
+    """In the fan beside the inflection a third of all facets are near each other: they are looked at in
+    blocks."""
+    state, *_ = resting("pi-b1.65-N100")
+    peaks = {}
+    for parts in (4, 8):
+        shape = Shape.of(divided(state, parts))
+        near = REACH * shape.length, 0.004 * shape.length
+        for name, look in (
+            ("list", partial(Neighbourhood.of, shape, *near)),
+            ("audit", partial(audit, shape, 1e-10)),
+            ("way", Motion(shape, shape).passages),
+        ):
+            tracemalloc.start()
+            look()
+            peaks[name, parts] = tracemalloc.get_traced_memory()[1]
+            tracemalloc.stop()
+    for name in ("list", "audit", "way"):
+        assert peaks[name, 8] < 2.2 * peaks[name, 4], peaks

@@ -123,6 +123,29 @@ def test_shapes_nearby_that_do_not_cross_fulfil_all_clauses(name):
     assert all(crosses == broken for crosses, broken in verdicts)
 
 
+def test_no_move_opens_all_gaps_round_an_edge():
+    """Of gaps said to be nowhere all positive one is negative after any small move."""
+    problem, result, local = _solved(THREE)
+    three = [v for v in local.void if len(v) == 3]
+    assert len(three) > 100
+    judge, random, what = (
+        _Judge(problem, result, local.pairs),
+        np.random.default_rng(8),
+        arguments(local.pairs),
+    )
+    open_twice = 0
+    for _ in range(200):
+        x = result.x + 1e-5 * judge.scale * (judge.axes @ random.standard_normal(judge.axes.shape[1]))
+        for _ in range(3):
+            off = np.concatenate((np.zeros(problem.size), -problem.base.weighted_constraints(x)))
+            x = x + judge.normal.solve(off)[: problem.size]
+        shape = Shape.of(problem.base.state(x))
+        value = gaps(vectors(shape, what), what, local.pairs.sign, shape.half_width).value
+        assert all(min(value[k] for k in some) < 0.0 for some in local.void)
+        open_twice += sum(sorted(value[k] for k in some)[1] > 0.0 for some in three)
+    assert open_twice > 1000
+
+
 def test_sides_of_gaps_that_are_kept():
     problem, result, _ = _solved(PI)
     shape = Shape.of(result.state)

@@ -10,8 +10,9 @@ from ribbon_cli.model.band import Band, State
 from ribbon_cli.model.contact import _facet_distance, _facets, near_facets
 from ribbon_cli.model.diagnostics import taylor_slopes
 from ribbon_cli.model.touching import EDGE, FACET, VERTEX, Shape, excluded_distance
-from ribbon_cli.model.touching_audit import Features, Motion, _edge_distances, _over_facets, audit, corners_of
+from ribbon_cli.model.touching_audit import Motion, _over_facets, audit
 from ribbon_cli.model.touching_barrier import barrier, nearest
+from ribbon_cli.model.touching_features import Features, corners_of, edge_distances
 from ribbon_cli.model.touching_gaps import Pairs, arguments, gaps, places, vectors
 
 KINDS = {
@@ -68,7 +69,7 @@ def test_distances_of_features_are_those_of_facets():
     edges, corners = shape.edge_numbers, shape.corner_numbers
     i, j = pairs.T
     crossed = np.stack((np.repeat(edges[i], 4, axis=1), np.tile(edges[j], (1, 4))), axis=-1)
-    least = _edge_distances(shape, crossed.reshape(-1, 2)).reshape(len(i), 16).min(axis=1)
+    least = edge_distances(shape, crossed.reshape(-1, 2)).reshape(len(i), 16).min(axis=1)
     for one, other in ((i, j), (j, i)):
         facing = np.stack((corners[one], np.broadcast_to(other[:, None], (len(i), 4))), axis=-1)
         heights, over = _over_facets(shape, facing.reshape(-1, 2))

@@ -16,11 +16,10 @@ from ribbon_cli.model.touching_audit import (
     Motion,
     _beside_facets,
     _crossings,
-    _edge_distances,
     _over_facets,
-    corners_of,
 )
 from ribbon_cli.model.touching_barrier import Neighbourhood
+from ribbon_cli.model.touching_features import corners_of, edge_distances
 from ribbon_cli.parts import FREE, Ends, Parts
 
 SHAPES = (("pi-b1.65-N100", 0), ("pi-b1.65-N100", 1), ("3pi-b0.9-N120", 0), ("3pi-b0.9-N120", 1))
@@ -30,7 +29,7 @@ def _distances(shape, i, j):
     """Distances of pairs of facets as the audit has them: of edges, and of vertices from facets."""
     edges, corners = shape.edge_numbers, shape.corner_numbers
     crossed = np.stack((np.repeat(edges[i], 4, axis=1), np.tile(edges[j], (1, 4))), axis=-1)
-    least = _edge_distances(shape, crossed.reshape(-1, 2)).reshape(len(i), 16).min(axis=1)
+    least = edge_distances(shape, crossed.reshape(-1, 2)).reshape(len(i), 16).min(axis=1)
     for one, other in ((i, j), (j, i)):
         facing = np.stack((corners[one], np.broadcast_to(other[:, None], (len(i), 4))), axis=-1)
         heights, over = _over_facets(shape, facing.reshape(-1, 2))

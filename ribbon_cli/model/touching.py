@@ -245,6 +245,12 @@ def cross(v: Array, w: Array) -> Array:
     return out
 
 
+def dots(v: Array, w: Array) -> Array:
+    """Scalar products (k,) of vectors (k,3)."""
+    out: Array = v[:, 0] * w[:, 0] + v[:, 1] * w[:, 1] + v[:, 2] * w[:, 2]
+    return out
+
+
 def box_of(points: Array) -> tuple[Array, Array]:
     """The lowest and the highest corner (k,d) of the boxes of points (k,p,d)."""
     each = [points[:, k] for k in range(points.shape[1])]

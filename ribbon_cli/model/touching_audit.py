@@ -7,7 +7,6 @@ flat strip than the excluded distance do not count.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
@@ -15,12 +14,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .band import Array
-from .contact import near_facets
 from .touching import EDGE, FACET, VERTEX, IntArray, Shape, box_of, cross
+from .touching_features import (
+    BLOCK,
+    Features,
+    boxes_meet,
+    boxes_near,
+    counted,
+    edge_distances,
+    facets_near,
+    in_facet,
+    unique_pairs,
+    within_reach,
+)
 from .touching_gaps import Pairs
 
-BLOCK = 100_000
-"""Pairs of features worked on at once."""
 CLEAR = 1e-3
 """Reach, as part of l, within which a clearance is looked for first; it grows tenfold."""
 ROOT_STEPS = 60
@@ -28,112 +36,6 @@ MOST_PARTS = 16
 """Places of a motion at which depths are measured at most."""
 INSIDE = 1e-12
 """Margin of a feature's coordinates within which a crossing counts as inside."""
-
-
-@dataclass(frozen=True)
-class Features:
-    """Pairs of numbers (k,2): vertices with facets, and edges with edges, in the order of their numbers."""
-
-    vertex_facet: IntArray
-    edge_edge: IntArray
-
-    @classmethod
-    def of(
-        cls,
-        shapes: tuple[Shape, ...],
-        i: IntArray,
-        j: IntArray,
-        near: Callable[[Features], Features] | None = None,
-    ) -> Features:
-        """The features of pairs of facets that count in any of the shapes of one strip, of those that `near`
-        leaves."""
-        shape = shapes[0]
-        corners, edges = shape.corner_numbers, shape.edge_numbers
-        one = np.stack((corners[i], np.broadcast_to(j[:, None], (len(j), 4))), axis=-1).reshape(-1, 2)
-        other = np.stack((corners[j], np.broadcast_to(i[:, None], (len(i), 4))), axis=-1).reshape(-1, 2)
-        vf = _unique(np.vstack((one, other)))
-        first = np.repeat(edges[i], 4, axis=1).reshape(-1)
-        second = np.tile(edges[j], (1, 4)).reshape(-1)
-        ee = _unique(np.stack((np.minimum(first, second), np.maximum(first, second)), axis=-1))
-        slivers = np.all([s.slivers for s in shapes], axis=0)
-        ee = ee[(ee[:, 0] != ee[:, 1]) & ~slivers[ee].any(axis=1)]
-        if near is not None:
-            kept = near(cls(vf, ee))
-            vf, ee = kept.vertex_facet, kept.edge_edge
-        # What has a vertex in common is nowhere apart on the flat strip.
-        vf = vf[(corners[vf[:, 1]] != vf[:, :1]).all(axis=1)]
-        (first, last), (start, end) = (shape.edge_ends(ee[:, k]) for k in (0, 1))
-        ee = ee[(first != start) & (first != end) & (last != start) & (last != end)]
-        vf = vf[_counts(shapes, Shape.flat_of_vertices, Shape.flat_of_facets, vf)]
-        return cls(vf, ee[_counts(shapes, Shape.flat_of_edges, Shape.flat_of_edges, ee)])
-
-
-def within_reach(shape: Shape, reach: float) -> Callable[[Features], Features]:
-    """What leaves out pairs that are farther apart in a shape: vertices from facets' boxes and planes."""
-
-    def near(features: Features) -> Features:
-        vf = features.vertex_facet
-        return Features(vf[boxes_near(shape, vf, reach)], edges_near(shape, features.edge_edge, reach))
-
-    return near
-
-
-def boxes_near(shape: Shape, vf: IntArray, within: float) -> IntArray:
-    """Which vertices (k,) are within a distance of facets' boxes, and of their planes."""
-    points = shape.vertices
-    outlines = points[shape.corner_numbers]
-    at = boxes_meet((points, points), box_of(outlines), vf, within)
-    vf = vf[at]
-    out: IntArray = at[np.abs(_in_facet(shape, points[vf[:, 0]], vf[:, 1])[2]) <= within]
-    return out
-
-
-def edges_near(shape: Shape, ee: IntArray, within: float) -> IntArray:
-    """The pairs of edges (k,2) that are within a distance of each other."""
-    ends = shape.vertices[np.stack(shape.edge_ends(np.arange(3 * len(shape.nodes))), axis=1)]
-    boxes = box_of(ends)
-    ee = ee[boxes_meet(boxes, boxes, ee, within)]
-    return ee[_edge_distances(shape, ee) <= within]
-
-
-def boxes_meet(
-    one: tuple[Array, Array], other: tuple[Array, Array], pairs: IntArray, within: float = 0.0
-) -> IntArray:
-    """Which pairs (k,2) have boxes, given by their lowest and highest corners (n,3), that are nowhere farther
-    apart than `within` along an axis."""
-    at = np.arange(len(pairs))
-    a, b = pairs.T
-    for axis in range(3):
-        low, high, below, above = (box[:, axis] for box in (*one, *other))
-        keep = (low[a] <= above[b] + within) & (below[b] <= high[a] + within)
-        at, a, b = at[keep], a[keep], b[keep]
-    return at
-
-
-def _unique(pairs: IntArray) -> IntArray:
-    """Sorted pairs (k,2), each once."""
-    big = np.int64(1) << 31
-    key = np.sort(pairs[:, 0].astype(np.int64) * big + pairs[:, 1])
-    first = np.ones(len(key), dtype=bool)
-    first[1:] = key[1:] != key[:-1]
-    return np.stack(np.divmod(key[first], big), axis=-1)
-
-
-def _counts(shapes, first, second, pairs: IntArray) -> NDArray[np.bool_]:  # type: ignore[no-untyped-def]
-    """Where features are far enough apart on the flat strip, in one of the shapes at least."""
-    out = np.zeros(len(pairs), dtype=bool)
-    for start in range(0, len(pairs), BLOCK):
-        block = slice(start, start + BLOCK)
-        a, b = pairs[block, 0], pairs[block, 1]
-        for shape in shapes:
-            apart = shape.flat_distance(first(shape, a), second(shape, b), shape.excluded)
-            out[block] |= apart >= shape.excluded
-    return out
-
-
-def corners_of(shape: Shape, vertices: Array) -> Array:
-    """Facets' corners (3,4,N) at given places of the vertices."""
-    return np.ascontiguousarray(vertices[shape.corner_numbers].transpose(2, 1, 0))
 
 
 # --- a shape ---
@@ -183,11 +85,10 @@ def audit(shape: Shape, reach: float | None = None) -> Audit:
 
 
 def _audit(shape: Shape, reach: float) -> Audit:
-    points = shape.vertices
-    i, j = near_facets(corners_of(shape, points), np.zeros(shape.segments), reach)
+    i, j = facets_near((shape,), shape.vertices, np.zeros(shape.segments), reach)
     features = Features.of((shape,), i, j, within_reach(shape, reach))
     heights, over = _over_facets(shape, features.vertex_facet)
-    between = _edge_distances(shape, features.edge_edge)
+    between = edge_distances(shape, features.edge_edge)
     vf = np.flatnonzero(over & (np.abs(heights) <= reach))
     ee = np.flatnonzero(between <= reach)
     distance = np.concatenate((np.abs(heights[vf]), between[ee]))
@@ -201,7 +102,7 @@ def _audit(shape: Shape, reach: float) -> Audit:
 
 def penetration(shape: Shape) -> float:
     """The greatest depth of an edge through a facet."""
-    i, j = near_facets(corners_of(shape, shape.vertices), np.zeros(shape.segments), 0.0)
+    i, j = facets_near((shape,), shape.vertices, np.zeros(shape.segments), 0.0)
     return float(_crossings(shape, i, j).depth.max(initial=0.0))
 
 
@@ -224,7 +125,7 @@ def _pairs(vf: IntArray, ee: IntArray) -> Pairs:
 def _over_facets(shape: Shape, pairs: IntArray) -> tuple[Array, NDArray[np.bool_]]:
     """Heights (k,) of vertices over facets' planes, and whether their feet are on the facets."""
     v, f = pairs[:, 0], pairs[:, 1]
-    along, across, height = _in_facet(shape, shape.vertices[v], f)
+    along, across, height = in_facet(shape, shape.vertices[v], f)
     return height, _on_facet(along, across, shape.xi[f])
 
 
@@ -241,44 +142,9 @@ def _beside_facets(shape: Shape, pairs: IntArray, reach: float) -> Array:
     return out
 
 
-def _in_facet(shape: Shape, points: Array, f: IntArray) -> tuple[Array, Array, Array]:
-    """Coordinates of points (k,3) in facets: multiples of h u and of b g, and the height over u x g."""
-    u, g, off = shape.u[f], shape.rulings[f], points - shape.nodes[f]
-    normal = cross(u, g)
-    square = (normal * normal).sum(axis=1)
-    along = (cross(off, g) * normal).sum(axis=1) / (square * shape.h)
-    across = (cross(u, off) * normal).sum(axis=1) / (square * shape.half_width)
-    return along, across, (off * normal).sum(axis=1) / np.sqrt(square)
-
-
 def _on_facet(along: Array, across: Array, xi: Array) -> NDArray[np.bool_]:
     far = 1.0 + across * np.tanh(xi)
     out: NDArray[np.bool_] = (np.abs(across) <= 1.0 + INSIDE) & (along >= -INSIDE) & (along <= far + INSIDE)
-    return out
-
-
-def _edge_distances(shape: Shape, pairs: IntArray) -> Array:
-    """Distances (k,) of edges."""
-    points = shape.vertices
-    ends = [points[e] for which in (0, 1) for e in shape.edge_ends(pairs[:, which])]
-    return segment_distance(*ends)
-
-
-def segment_distance(p: Array, p1: Array, q: Array, q1: Array) -> Array:
-    """Distances (k,) of segments p p1 and q q1, (k,3) each; C. Ericson (2005), 5.1.9."""
-    tiny = np.finfo(float).tiny
-    d, e, r = p1 - p, q1 - q, p - q
-    dd, ee = (d * d).sum(1), (e * e).sum(1)
-    de, dr, er = (d * e).sum(1), (d * r).sum(1), (e * r).sum(1)
-    normal = cross(d, e)
-    square = (normal * normal).sum(1)
-    parallel = square <= 1e-24 * dd * ee
-    s = np.where(parallel, 0.0, (cross(e, r) * normal).sum(1) / np.where(parallel, 1.0, square))
-    s = np.clip(s, 0.0, 1.0)
-    t = (de * s + er) / np.maximum(ee, tiny)
-    inside = np.clip(t, 0.0, 1.0)
-    s = np.where(t == inside, s, np.clip((de * inside - dr) / np.maximum(dd, tiny), 0.0, 1.0))
-    out: Array = np.linalg.norm(r + s[:, None] * d - inside[:, None] * e, axis=1)
     return out
 
 
@@ -287,12 +153,12 @@ def _crossings(shape: Shape, i: IntArray, j: IntArray) -> Crossing:
     edges = shape.edge_numbers
     one = np.stack((edges[i], np.broadcast_to(j[:, None], (len(j), 4))), axis=-1).reshape(-1, 2)
     other = np.stack((edges[j], np.broadcast_to(i[:, None], (len(i), 4))), axis=-1).reshape(-1, 2)
-    ef = _unique(np.vstack((one, other)))
+    ef = unique_pairs(np.vstack((one, other)))
     ef = ef[~shape.slivers[ef[:, 0]]]
     first, last = shape.edge_ends(ef[:, 0])
     points, f = shape.vertices, ef[:, 1]
-    a0, c0, h0 = _in_facet(shape, points[first], f)
-    a1, c1, h1 = _in_facet(shape, points[last], f)
+    a0, c0, h0 = in_facet(shape, points[first], f)
+    a1, c1, h1 = in_facet(shape, points[last], f)
     through = np.flatnonzero(h0 * h1 < 0)
     ef, f = ef[through], f[through]
     a0, c0, h0, a1, c1, h1 = (v[through] for v in (a0, c0, h0, a1, c1, h1))
@@ -300,11 +166,11 @@ def _crossings(shape: Shape, i: IntArray, j: IntArray) -> Crossing:
     along, across = a0 + part * (a1 - a0), c0 + part * (c1 - c0)
     inside = np.flatnonzero(_on_facet(along, across, shape.xi[f]))
     ef, f, h0, h1 = ef[inside], f[inside], h0[inside], h1[inside]
-    counted = np.flatnonzero(_counts((shape,), Shape.flat_of_edges, Shape.flat_of_facets, ef))
-    ef, f, h0, h1 = ef[counted], f[counted], h0[counted], h1[counted]
+    far = np.flatnonzero(counted((shape,), Shape.flat_of_edges, Shape.flat_of_facets, ef))
+    ef, f, h0, h1 = ef[far], f[far], h0[far], h1[far]
     depth = np.minimum(np.abs(h0), np.abs(h1))
     for k in range(4):
-        depth = np.minimum(depth, _edge_distances(shape, np.column_stack((ef[:, 0], edges[f, k]))))
+        depth = np.minimum(depth, edge_distances(shape, np.column_stack((ef[:, 0], edges[f, k]))))
     return Crossing(ef[:, 0], f, depth)
 
 
@@ -346,7 +212,7 @@ class Motion:
         No bound on the motion is assumed: the search for candidates has each facet's own motion for its
         slack.
         """
-        return self._among(*_swept_facets(self.before, self._p, self._q))
+        return self._among(*_swept_facets((self.before, self.after), self._p, self._q))
 
     def passages_of_all_pairs(self) -> Passages:
         """The same over every pair of facets, without a search: for small N, and for tests."""
@@ -401,11 +267,11 @@ def _passages(before: Shape, after: Shape, p: Array, q: Array, features: Feature
     return Passages(pairs.take(order), when[order])
 
 
-def _swept_facets(shape: Shape, p: Array, q: Array) -> tuple[IntArray, IntArray]:
-    """Pairs of facets that may meet on the way from p to q."""
+def _swept_facets(shapes: tuple[Shape, ...], p: Array, q: Array) -> tuple[IntArray, IntArray]:
+    """Pairs of facets with features that count and may meet on the way from p to q."""
     middle, half = 0.5 * (p + q), 0.5 * np.linalg.norm(q - p, axis=1)
-    slack = half[shape.corner_numbers].max(axis=1)
-    return near_facets(corners_of(shape, middle), slack, 0.0)
+    slack = half[shapes[0].corner_numbers].max(axis=1)
+    return facets_near(shapes, middle, slack, 0.0)
 
 
 def _swept_near(shape: Shape, p: Array, q: Array, features: Features) -> Features:
@@ -418,18 +284,15 @@ def _swept_near(shape: Shape, p: Array, q: Array, features: Features) -> Feature
     return Features(vf[boxes_meet(points, facets, vf)], ee[boxes_meet(edges, edges, ee)])
 
 
-def meets(before: Shape, p: Array, q: Array, features: Features) -> bool:
-    """Whether any of these features meet while vertices go from p to q."""
-    return len(_passages(before, before, p, q, _swept_near(before, p, q, features))) > 0
-
-
-def sweeps(before: Shape, after: Shape) -> bool:
-    """Whether any features meet on the straight way from one shape to another, over all pairs that count in
-    the first."""
+def first_meeting(before: Shape, after: Shape, features: Features | None = None) -> float:
+    """When features first meet on the straight way from one shape to another, infinite if they do not: some
+    features, or all that count in the first shape."""
     p, q = before.vertices, after.vertices
-    swept = _swept_facets(before, p, q)
-    features = Features.of((before,), *swept, partial(_swept_near, before, p, q))
-    return len(_passages(before, before, p, q, features)) > 0
+    near = partial(_swept_near, before, p, q)
+    if features is None:
+        features = Features.of((before,), *_swept_facets((before,), p, q), near)
+    when = _passages(before, before, p, q, near(features)).when
+    return float(when[0]) if len(when) else np.inf
 
 
 def _meetings(  # type: ignore[no-untyped-def]

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .band import Array
-from .contact import near_facets
 from .touching import EDGE, FACET, VERTEX, IntArray, Shape, box_of, cross
-from .touching_audit import Features, boxes_meet, boxes_near, corners_of, meets, sweeps, within_reach
+from .touching_audit import first_meeting
+from .touching_features import Features, boxes_meet, boxes_near, facets_near, within_reach
 from .touching_gaps import Pairs, gap_values, places
 
 SHORT = 0.125
@@ -51,7 +51,7 @@ class Neighbourhood:
     def of(cls, shape: Shape, reach: float, bound: float) -> Neighbourhood:
         """Collect them, over all pairs."""
         slack = np.full(shape.segments, bound)
-        i, j = near_facets(corners_of(shape, shape.vertices), slack, reach)
+        i, j = facets_near((shape,), shape.vertices, slack, reach)
         features = Features.of((shape,), i, j, within_reach(shape, reach + 2.0 * bound))
         return cls(shape.vertices, bound, features)
 
@@ -61,7 +61,7 @@ class Neighbourhood:
 
     def passes(self, before: Shape, after: Shape) -> bool:
         """Whether features meet while vertices move straight from one shape to another, both covered."""
-        return meets(before, before.vertices, after.vertices, self.features)
+        return first_meeting(before, after, self.features) <= 1.0
 
 
 class Surroundings:
@@ -92,11 +92,11 @@ class Surroundings:
         short = self._short = Neighbourhood(shape.vertices, bound, features)
         return short
 
-    def passes(self, before: Shape, after: Shape) -> bool:
-        """Whether features meet while vertices move straight from one shape to another."""
-        if farthest(before.vertices, after.vertices) > self.room:
-            return sweeps(before, after)
-        return self.of(before, after).passes(before, after)
+    def first_meeting(self, before: Shape, after: Shape) -> float:
+        """When features first meet on the straight way from one shape to another, infinite if they do not. A
+        motion that no list is made for is looked at over all pairs."""
+        far = farthest(before.vertices, after.vertices) > self.room
+        return first_meeting(before, after, None if far else self.of(before, after).features)
 
 
 def farthest(one: Array, other: Array) -> float:

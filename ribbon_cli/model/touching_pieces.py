@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 
 from .band import Array
 from .touching import EDGE, FACET, VERTEX, IntArray, Shape, cross
-from .touching_audit import segment_distance
 from .touching_barrier import sides_at
 from .touching_distances import nearer
+from .touching_features import segment_distance
 from .touching_gaps import (
     G_FIRST,
     G_SECOND,

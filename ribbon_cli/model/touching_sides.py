@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 
 from .band import Array
 from .touching import EDGE, FACET, VERTEX, IntArray, Shape, cross
-from .touching_audit import audit, boxes_near
+from .touching_audit import audit
 from .touching_barrier import Surroundings
+from .touching_features import boxes_near
 from .touching_gaps import ONE, TWO, Pairs, arguments, gap_values, places, vectors
 
 TOUCHING = 1e-9

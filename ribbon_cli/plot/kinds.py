@@ -20,9 +20,9 @@ from ribbon_cli.plot.fields import Choice, chosen, fields_figure
 from ribbon_cli.plot.figure import dressed, state_caption
 from ribbon_cli.plot.flat import pattern_figure
 from ribbon_cli.plot.labels import (
+    LISTED,
     Placed,
     band_text,
-    listed,
     panel_titles,
     parameter_text,
     place_texts,
@@ -45,6 +45,7 @@ from ribbon_cli.report.convergence import Table
 from ribbon_cli.report.rows import Rows
 from ribbon_cli.store import Run, StateRecord, Summary
 from ribbon_cli.store.refs import typed
+from ribbon_cli.text import listed
 
 T = TypeVar("T")
 
@@ -61,10 +62,9 @@ class Source:
 
     `whole_run` says that the reference was to the run; then `states` is empty. `table` gives the run's
     convergence table, `curves` a state's multipliers beside their formulas (UsageError where it has none),
-    `mode` the mode to show of a state. `angles` is a chosen view, `segments` the N to show of a run,
-    `beside` are further runs. `names` are the states' references where they are of several runs, and
-    `run_names`
-    names their runs. `rows` is a table over runs and sweeps, of which `choice` says what to draw.
+    `mode` the mode to show of a state. `angles` is a chosen view, `segments` the N to show of a run, `beside`
+    are further runs. `names` are the states' references where they are of several runs, and `run_names` names
+    their runs. `rows` is a table over runs and sweeps, of which `choice` says what to draw.
     """
 
     run: Run | None
@@ -189,7 +189,9 @@ def _without(found: Sequence[Placed], chosen: Sequence[Placed]) -> str:
         what, start = "half-widths", "b = "
     else:
         texts, what, start = [text.replace("$", "") for text in place_texts(found)], "places", ""
-    without = listed([text for place, text in zip(found, texts, strict=True) if id(place) not in kept])
+    without = listed(
+        (text for place, text in zip(found, texts, strict=True) if id(place) not in kept), LISTED
+    )
     return f", {len(chosen)} of {len(found)} {what}, without {start}{without}"
 
 
@@ -330,7 +332,7 @@ def _followed(run: Run, followed: dict[str, list[Summary]], style: Style) -> Pic
     if len(followed) < count:
         title += f", without {count - len(followed)} in other parameters"
     if len(shown) < len(followed):
-        title += f", {len(shown)} of them shown, without {listed(list(followed)[MOST_LOOKS:])}"
+        title += f", {len(shown)} of them shown, without {listed(list(followed)[MOST_LOOKS:], LISTED)}"
     for kind, name in (("fold", "folds"), ("branch-point", "branch points")):
         if kind in types:
             title += f", {name}: {types.count(kind)}"

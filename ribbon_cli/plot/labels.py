@@ -97,12 +97,6 @@ def plain(text: str) -> str:
     return visible(text).replace("$", r"\$")
 
 
-def listed(texts: Sequence[str]) -> str:
-    """The first few of some texts, and how many there are besides."""
-    more = f" and {len(texts) - LISTED} more" if len(texts) > LISTED else ""
-    return ", ".join(texts[:LISTED]) + more
-
-
 def curve_labels(records: Sequence[StateRecord], runs: Sequence[str] = ()) -> list[str]:
     """What each state differs in, and its standing; `runs` name the states' runs where there are several."""
     return [", ".join((*parts, *filter(None, [standing(record)]))) for parts, record in _told(records, runs)]

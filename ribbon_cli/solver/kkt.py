@@ -155,7 +155,13 @@ def _kinds(layout: Layout, rotations: int) -> list[int]:
 
 
 _kept_pattern = lru_cache(maxsize=64)(_built_pattern)
-_last_pattern = lru_cache(maxsize=1)(_built_pattern)
+
+
+@lru_cache(maxsize=1)
+def _last_pattern(layout: Layout, rotations: int) -> Pattern:
+    """Build the pattern of a fine grid; that of the one before goes first."""
+    _last_pattern.cache_clear()
+    return _built_pattern(layout, rotations)
 
 
 def pattern_of(upper: Scatter) -> Pattern:

@@ -17,13 +17,15 @@ from ..model.band import Array
 from ..model.metrics import Metric
 from ..model.problem import LocalDerivatives, Problem
 from .inertia import BlockReduction, Inertia, NodeMetric
-from .kkt import FactorisationError, KKTMatrix
+from .kkt import FINE, FactorisationError, KKTMatrix
 from .linear import Factor
 from .resting_kkt import kkt_matrix
 
 CROWD = 2
 """Eigenvalues, relative to those wanted, that may lie between a shift and its mirror image."""
 CLOSE_STEPS = 40
+COLUMNS = 6
+"""Columns that are solved for at once on fine grids, where each takes memory in a dozen arrays."""
 REFINEMENTS = 2
 ROUNDOFF = 8.0
 """Roundoff of a Rayleigh quotient in units of eps |v|^T |W| |v|: nine products of two factors a row, most of
@@ -70,6 +72,10 @@ class Pencil:
     def size(self) -> int:
         """7N."""
         return self.problem.size
+
+    def release(self) -> None:
+        """Let go of reductions that would serve again, for their memory."""
+        self._shifted = {}
 
     def _reduction(self, shift: float) -> BlockReduction:
         if shift not in self._shifted:
@@ -185,6 +191,10 @@ class _Inverse:
 
     def moves(self, forces: Array) -> Array:
         """The moves (7N, k) of forces (7N, k). Raises FactorisationError if they are not finite."""
+        some = COLUMNS if self.matrix.size > 7 * FINE else forces.shape[1]
+        if forces.shape[1] > some:
+            parts = range(0, forces.shape[1], some)
+            return np.hstack([self.moves(forces[:, first : first + some]) for first in parts])
         n = self.matrix.size
         rhs = np.zeros((n + self.matrix.border, forces.shape[1]))
         rhs[:n] = self.scale * np.where(self.matrix.fixed[:, None], 0.0, forces)

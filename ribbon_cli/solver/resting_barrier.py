@@ -19,6 +19,9 @@ SPARE = 2.0
 """Reach, as a multiple of the barrier's, up to which pairs have places in the matrix before they push."""
 MOST_SPARE = 4
 """How many times as many entries as are needed may be kept in the matrix."""
+ROUNDING, SHY = 4e-15, 1e-6
+"""How far off another step's line, as part of x, a step may be by rounding, and how much short of where that
+one meets something it has to end."""
 ROOM = 0.004
 """Motion of a vertex, as part of l, that a list of neighbours allows of before it is made anew."""
 
@@ -35,6 +38,7 @@ class BarrierProblem(Problem):
         self.near_by = Surroundings(self.gap + SPARE * self.reach, ROOM * band.length)
         self._spare: Copies | None = None
         self._last: tuple[Array, Shape] | None = None
+        self._ray: tuple[Array, Array, float] | None = None
         self._way: tuple[Array, Array, bool] | None = None
 
     def shape(self, x: Array) -> Shape:
@@ -54,7 +58,16 @@ class BarrierProblem(Problem):
         before, after = self.shape(x), self.shape(y)
         if self.gap and len(nearest(after, self.near_by.of(after).features, self.gap)):
             return False
-        return not self.near_by.passes(before, after)
+        # Vertices are linear in x: a part of a way meets nothing if all of it does so later only.
+        move, ray = y - x, self._ray
+        if ray is not None and ray[0] is x:
+            part = float(move @ ray[1]) / float(ray[1] @ ray[1])
+            off = np.abs(move - part * ray[1]).max()
+            if 0.0 < part <= 1.0 and off <= ROUNDING * np.abs(x).max():
+                return part < (1.0 - SHY) * ray[2]
+        when = self.near_by.first_meeting(before, after)
+        self._ray = x, move, when
+        return when > 1.0
 
     def near(self, x: Array) -> Pairs:
         """The pairs within the reach."""

@@ -46,6 +46,8 @@ SLIP = 1e-4
 straight way cuts a curve short. What passes deeper has passed through."""
 MOST_WAYPOINTS = 3
 """How often a way along which sheets slide is halved to see whether it passes through itself."""
+NEARLY_ON = 1e-2
+"""How far off its features a place of contact may be for its force to be shared out to others."""
 MOST_SADDLES = 3
 REACHES = (5e-4, 5e-5, 5e-6)
 """Reaches of the barrier, as parts of l, one after the other."""
@@ -54,7 +56,11 @@ MOST_TRACKED = 20
 LIFTED = 1e-6
 """Force at which a contact is about to lift."""
 MOST_OPENINGS, MOST_MOVES = 6, 12
-APART = 1e-3
+APART, OPEN = 1e-3, 1e-5
+ASTRAY = 0.05
+"""Value of a constraint from which all moves together led nowhere."""
+AT_ONCE = 16
+"""Gaps, the worst, that are opened first, and with these as many more."""
 MOST_DESCENTS = 80
 MOST_FACETS = 6400
 """Facets of a grid on which a way between two grids is looked at."""
@@ -200,13 +206,14 @@ def accepted(
 ) -> Rest:
     """The shape with its audit. Raises NoRestError if it, or the way to it from `before`, which may be on a
     coarser grid, is none to be accepted."""
-    if _pulls(problem, result):
+    shape, length = Shape.of(result.state, problem.gap), problem.band.length
+    if _pulls(problem, result) and _off(shape, problem.pairs) <= NEARLY_ON:
         with suppress(NoRestError):
             problem, result = shared_anew(problem, result)
-    shape, length = Shape.of(result.state, problem.gap), problem.band.length
+            shape = Shape.of(result.state, problem.gap)
     forces = problem.split(result.multipliers)[1]
     if len(forces):
-        off = float(off_features(shape, problem.pairs).max())
+        off = _off(shape, problem.pairs)
         if off > OFF:
             raise NoRestError(f"a place of contact is off its features by {off:.1e}")
         if _pulls(problem, result):
@@ -218,6 +225,10 @@ def accepted(
     if depth > slip * length:
         raise GapLostError(f"the way passes through itself, {depth:.1e} deep")
     return Rest(problem, certified(problem, result, found), found, steps, changes)
+
+
+def _off(shape: Shape, pairs: Pairs) -> float:
+    return float(off_features(shape, pairs).max(initial=0.0))
 
 
 def _pulls(problem: RestingProblem, result: Result) -> bool:
@@ -341,7 +352,7 @@ def let_down(guess: Guess) -> Rest:
     """
     band, gap, own = guess.band, guess.gap, guess.multipliers
     length = band.length
-    start = opened(guess, 0.5 * REACHES[0] * length)
+    start = _start(guess, 0.5 * REACHES[0] * length)
     steps, x, why = 0, start.vector(), NoRestError("no reach")
     for k, reach in enumerate(REACHES):
         problem = BarrierProblem(band, reach * length, gap)
@@ -359,16 +370,39 @@ def let_down(guess: Guess) -> Rest:
         x, own = result.x, result.multipliers
         if k < POLISH_FROM:
             continue
-        near = problem.near(x)
-        listed, forces = candidates(problem.shape(x), near, problem.forces(x, near), gap)
-        sides = Distances() if gap else Sides(problem.shape(x), Pairs.none(), corners=True)
-        search = Exchange(band, sides, WANDERED, gap)
         try:
-            polished, found = search.rest(x, own, listed, forces)
-            return accepted(result.state, polished, found, 10.0 * DEPTH, steps + search.steps, ("barrier",))
+            return _first_certified(
+                partial(_polished, problem, result, corners, steps)
+                for corners in (True, False)[: 1 if gap else 2]
+            )
         except NoRestError as failure:
             why = failure
     raise why
+
+
+def _polished(problem: BarrierProblem, result: Result, corners: bool, steps: int) -> Rest:
+    """The shape at rest where a barrier has led, with corners held or not. Raises NoRestError."""
+    x, gap = result.x, problem.gap
+    near, shape = problem.near(x), problem.shape(x)
+    listed, forces = candidates(shape, near, problem.forces(x, near), gap)
+    sides = Distances() if gap else Sides(shape, Pairs.none(), corners)
+    search = Exchange(problem.band, sides, WANDERED, gap)
+    polished, found = search.rest(x, result.multipliers, listed, forces)
+    return accepted(result.state, polished, found, 10.0 * DEPTH, steps + search.steps, ("barrier",))
+
+
+def _start(guess: Guess, room: float, halvings: int = MOST_WAYPOINTS) -> State:
+    """An opened shape, by way of others where the straight way to it passes through itself. Raises
+    NoRestError."""
+    try:
+        return opened(guess, room)
+    except GapLostError:
+        if not halvings or guess.before.band.segments != guess.band.segments:
+            raise
+    before = guess.before
+    band, x = Way.between(before.band, guess.band).middle(before.band, guess.band), before.vector()
+    half = replace(guess, band=band, x=0.5 * (x + guess.x))
+    return _start(replace(guess, before=_start(half, room, halvings - 1)), room, halvings - 1)
 
 
 def opened(guess: Guess, room: float) -> State:
@@ -413,7 +447,7 @@ def way_between(before: State, after: State, gap: float = 0.0) -> Motion:
 
 def _apart(band: Band, x: Array, pairs: Pairs, gap: float, room: float) -> Array:
     """The place near x on the constraints at which gaps are at least `gap`, to a part of `room`, by least
-    moves."""
+    moves. Raises GapLostError where these lead off the constraints."""
     problem = RestingProblem(band, pairs, gap)
     base, n = problem.base, problem.size
     for _ in range(MOST_MOVES):
@@ -430,11 +464,29 @@ def _apart(band: Band, x: Array, pairs: Pairs, gap: float, room: float) -> Array
             assert isinstance(local, RestingDerivatives)
             assert local.touched is not None
             rows = problem.rows_of(local.touched.jacobian)
-            none = np.zeros(base.rows)
-            v = np.array([normal.solve(np.concatenate((row, none)))[:n] for row in rows])
-            p = p + pushing(rows @ v.T, away + rows @ p) @ v
+            p = p + _least_move(rows, away + rows @ p, normal, OPEN * room)
         x = x + min(1.0, 0.25 / max(change(x, p), 1e-300)) * p
+    if float(np.abs(base.constraints(x)).max()) > ASTRAY:
+        raise GapLostError("what passes through itself cannot be opened by small moves")
     return x
+
+
+def _least_move(rows: Array, away: Array, normal: Factor, lacks: float) -> Array:
+    """The least move (n,) in the normal factors' metric that makes gaps of some rows (k,n) positive, up to
+    `lacks`. Few of them are in the way: how it answers to a row is found for these alone, the worst first."""
+    n, none = rows.shape[1], np.zeros(normal.matrix.size + normal.matrix.border - rows.shape[1])
+    chosen, move = np.empty(0, dtype=np.int64), np.zeros(n)
+    answers = np.empty((0, n))
+    while True:
+        left = away + rows @ move
+        left[chosen] = np.inf
+        worst = np.argsort(left, kind="stable")[:AT_ONCE]
+        worst = worst[left[worst] < -lacks]
+        if not worst.size:
+            return move
+        new = np.array([normal.solve(np.concatenate((rows[k], none)))[:n] for k in worst])
+        chosen, answers = np.concatenate((chosen, worst)), np.vstack((answers, new))
+        move = pushing(rows[chosen] @ answers.T, away[chosen]) @ answers
 
 
 def united(pairs: Pairs, more: Pairs) -> Pairs:

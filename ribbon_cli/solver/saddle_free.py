@@ -32,6 +32,8 @@ EXACT_STEPS = 20
 """The same where the block reduction solves, as on fine grids: a step takes a second at N = 100 000."""
 BENT_FROM = 1e-5
 """Largest component of a step, with gaps, up to which it is the exact one."""
+ADDED = (0.0, *(10.0**k for k in range(-2, 6)))
+"""What is added to the Hessian there, one after the other."""
 FIRST_SHIFT = -1e-2
 """Where a search for a shift begins if nothing is known of the eigenvalues."""
 SHIFTED_STEPS = 240
@@ -270,17 +272,21 @@ def direction(
 def _bent_up(
     problem: Problem, local: LocalDerivatives, multipliers: Array, factor: Factor, step: Array
 ) -> tuple[Array, Array] | None:
-    """A long step where what gaps bring into the Hessian is left out as far as it is negative; None where it
-    is negative all the same, or without gaps.
+    """A long step with a positive definite Hessian; None without gaps, and where it is so as it is.
 
-    Far from a minimum gaps that push, or a barrier's, have many negative directions, whose eigenvectors take
-    longer to find than several steps; this one is downhill as well.
+    What gaps bring into the Hessian is left out as far as it is negative, and as much is added as is left to
+    be made good. Far from a minimum gaps that push, or a barrier's, have many negative directions, hidden
+    among stiff ones, whose eigenvectors take longer to find than many steps; this one is downhill as well.
     """
     if not isinstance(local, RestingDerivatives) or np.abs(step).max() < BENT_FROM or not factor.surplus:
         return None
     convex = local.convex()
-    other = Factor(kkt_matrix(problem, convex, factor.matrix.rotations))
-    return None if other.surplus else newton_step(problem, convex, multipliers, other)
+    matrix = kkt_matrix(problem, convex, factor.matrix.rotations)
+    for added in ADDED:
+        other = Factor(matrix, shift=-added)
+        if not other.surplus:
+            return newton_step(problem, convex, multipliers, other)
+    return None
 
 
 def _negative_space(

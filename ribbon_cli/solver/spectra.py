@@ -20,8 +20,8 @@ import scipy
 from ..model.band import Array, Discretisation
 from ..model.metrics import lengths, metric_named
 from ..model.problem import LocalDerivatives, Problem
-from .kkt import FactorisationError
-from .lanczos import largest_eigenpairs
+from .kkt import FINE, FactorisationError
+from .lanczos import BLOCK_SIZE, largest_eigenpairs
 from .pencil import Pencil, roundoff
 from .tangent_basis import Basis, tangent_basis
 
@@ -35,6 +35,8 @@ LABELS = ("rotation", "sliding", "checkerboard", "mode")
 """What a mode may be."""
 NEAR_EQUAL = 1e-6
 """Relative difference of eigenvalues that are not told apart when they are counted."""
+WIDE = 6
+"""Vectors in a block of Lanczos on fine grids, where six solutions at once take little longer than two."""
 SEARCHES = 4
 """Starts of Lanczos before eigenvalues that the inertia counts are given up as missing."""
 
@@ -236,7 +238,7 @@ def lowest_spectra(
     for metric in known:
         assert pencil is not None
         pencil = pencil if metric is pencil.metric else pencil.beside(metric)
-        found = _lowest(pencil, count)
+        found = _lowest(pencil, count, last=metric is known[-1])
         out.append(_assemble(problem, x, metric.name, pencil.mass, found, count, complete=False))
     return out
 
@@ -246,8 +248,8 @@ def lowest_spectrum(problem: Problem, x: Array, local: LocalDerivatives, metric:
     return lowest_spectra(problem, x, local, (metric,), count)[0]
 
 
-def _lowest(pencil: Pencil, count: int) -> _Found:
-    """The lowest eigenpairs, verified.
+def _lowest(pencil: Pencil, count: int, *, last: bool) -> _Found:
+    """The lowest eigenpairs, verified; after the `last` metric reductions are let go.
 
     At a minimum those of the inverse itself are the largest, and one reduction of K serves in every metric.
     Elsewhere, and where many are nearly equal, a shift below all of them is looked for.
@@ -271,12 +273,15 @@ def _lowest(pencil: Pencil, count: int) -> _Found:
                 dimension=dimension - known,
                 known=vectors,
                 seed=search,
+                width=WIDE if problem.band.segments > FINE else BLOCK_SIZE,
             )[1]
         except FactorisationError:
             continue  # too many nearly equal ones, seen from this shift
         values, vectors = _polished(pencil, shift, new if vectors is None else np.hstack((vectors, new)))
         if vectors.shape[1] >= dimension or _none_missing(pencil, values, count):
             values, vectors = values[:count], vectors[:, :count]
+            if last:
+                pencil.release()
             residuals = pencil.residuals(values, vectors)
             return _Found(values, residuals, residuals + roundoff(pencil.hessian, vectors), vectors)
     raise FactorisationError(f"Lanczos misses some of the {count} lowest eigenvalues")

@@ -17,11 +17,10 @@ from ribbon_cli.store.folder import RESOLVED, is_run
 from ribbon_cli.store.root import named
 from ribbon_cli.store.run import Run
 from ribbon_cli.store.summaries import Summary, varying
+from ribbon_cli.text import listed
 
 _FILES = (".h5", ".hdf5", ".npz")
 _SYMBOLS = {row.symbol: name for name, row in PARAMETERS.items()}
-_SHOWN = 12
-"""Most names or values that a message lists."""
 
 
 def list_runs(root: str | Path, aside: bool = False) -> list[Run]:
@@ -60,13 +59,13 @@ def find_run(root: str | Path, text: str) -> Run:
         return fitting[0]
     if fitting:
         raise UsageError(
-            f"{text!r} names more than one run: {_join(run.name for run in fitting)}; "
+            f"{text!r} names more than one run: {listed(run.name for run in fitting)}; "
             "write more of its name; `ribbon check CONFIG` tells which is a config's"
         )
     if not runs:
         raise UsageError(f"no run {text!r}: there are no runs in {root} (see --runs)")
     near = suggest(text, [run.short_name for run in runs])
-    raise UsageError(f"no run {text!r} in {root}{near or ': it has ' + _join(run.name for run in runs)}")
+    raise UsageError(f"no run {text!r} in {root}{near or ': it has ' + listed(run.name for run in runs)}")
 
 
 def typed(run: Run) -> str:
@@ -294,7 +293,7 @@ def _fitting(
         return states, tuple(assumed)
     fitting = [state for state in states if state.segments == segments]
     if not fitting:
-        meshes = _join(map(str, sorted({state.segments for state in states})))
+        meshes = listed(map(str, sorted({state.segments for state in states})))
         where = "".join(f"{word} and " for word in words)
         raise UsageError(f"{run.name} has no equilibrium with {where}N = {segments}: it has N = {meshes}")
     return fitting, tuple(assumed)
@@ -305,7 +304,7 @@ def _narrowed(run: Run, states: Sequence[Summary], name: str, value: float, word
     fitting = [state for state in states if _is_at(state, {name: value})]
     if not fitting:
         there = {state.parameters.get(name) for state in states}
-        has = _join(f"{value:.10g}" for value in sorted(value for value in there if value is not None))
+        has = listed(f"{value:.10g}" for value in sorted(value for value in there if value is not None))
         symbol = PARAMETERS[name].symbol
         raise UsageError(f"{run.name} has no equilibrium with {words}: it has {symbol} = {has}")
     return fitting
@@ -330,10 +329,3 @@ def _is_at(state: Summary, values: Mapping[str, float], segments: int | None = N
 def _said(values: Mapping[str, float | None]) -> str:
     """Parameters with their values: `b = 0.5, shear = 0.3`."""
     return ", ".join(f"{PARAMETERS[name].symbol} = {value:.10g}" for name, value in values.items())
-
-
-def _join(words: Iterable[str]) -> str:
-    """List words, the first few of many."""
-    words = list(words)
-    more = f" and {len(words) - _SHOWN} more" if len(words) > _SHOWN else ""
-    return ", ".join(words[:_SHOWN]) + more

@@ -39,6 +39,8 @@ OF_CONTACTS: dict[str, Dtype] = {
 }
 """What a summary says of a state with contact forces, and of no other: types as in a file."""
 _OF_CONTACTS = {name: frozenset(_JSON[dtype]) for name, dtype in OF_CONTACTS.items()}
+_ABSENT: dict[str, Any] = dict.fromkeys((*REACTIONS, *OF_CONTACTS))
+_NUMBER = frozenset(_JSON["float64"])
 
 
 def _types(items: Iterable[Item]) -> dict[str, frozenset[type]]:
@@ -243,45 +245,40 @@ def _newer(document: dict[str, Any], values: dict[str, Any], of: str) -> dict[st
 
     Raises ValueError unless they are numbers, or null.
     """
-    known = {HALF_WIDTH: values["half_width"]} | dict.fromkeys(CLOSED.names(values["sigma"])[1:], 0.0)
-    found: dict[str, Any] = {
-        "parameters": document.get("parameters", known),
-        "bending_energy": document.get("bending_energy", values["energy"]),
-        **{name: document.get(name) for name in REACTIONS},
-    }
-    parameters, vectors = found["parameters"], [found[name] for name in REACTIONS if found[name] is not None]
+    if "parameters" in document:
+        parameters = document["parameters"]
+    else:
+        names = CLOSED.names(values["sigma"])[1:]
+        parameters = {HALF_WIDTH: values["half_width"], **dict.fromkeys(names, 0.0)}
     if not isinstance(parameters, dict) or not parameters.keys() <= PARAMETERS.keys():
         raise ValueError(f"parameters {of}")
-    if any(not isinstance(vector, list) or len(vector) != 3 for vector in vectors):
-        raise ValueError(f"a reaction {of}")
-    numbers = [
-        *parameters.values(),
-        found["bending_energy"],
-        *(part for vector in vectors for part in vector),
-    ]
-    if any(type(n) not in _JSON["float64"] or not math.isfinite(n or 0.0) for n in numbers):
+    bending = document.get("bending_energy", values["energy"])
+    found: dict[str, Any] = {**_ABSENT, "bending_energy": bending}
+    numbers = [*parameters.values(), bending]
+    for name in REACTIONS:
+        vector = document.get(name)
+        if vector is not None:
+            if not isinstance(vector, list) or len(vector) != 3:
+                raise ValueError(f"a reaction {of}")
+            numbers += vector
+            found[name] = tuple(vector)
+    if not all(type(n) in _NUMBER and math.isfinite(n or 0.0) for n in numbers):
         raise ValueError(f"parameters, bending_energy or a reaction {of}")
-    others = {name: value for name, value in found.pop("parameters").items() if name != HALF_WIDTH}
-    on_itself: dict[str, Any] = dict.fromkeys(OF_CONTACTS)
+    found["others"] = {name: value for name, value in parameters.items() if name != HALF_WIDTH}
     if document.get("contacts") is not None:
-        on_itself = checked(document, _OF_CONTACTS, of)
-        if on_itself["contacts"] < 0:
+        found |= checked(document, _OF_CONTACTS, of)
+        if found["contacts"] < 0:
             raise ValueError(f"contacts {of}")
-    return {
-        **found,
-        **on_itself,
-        "others": others,
-        **{name: tuple(found[name]) for name in REACTIONS if found[name] is not None},
-    }
+    return found
 
 
 def varying(states: Iterable[Summary]) -> tuple[str, ...]:
     """The parameters besides the half-width that have more than one value, in the order of their table."""
     values: dict[str, set[float | None]] = {}
     for state in states:
-        for name, value in state.parameters.items():
+        for name, value in state.others.items():
             values.setdefault(name, set()).add(value)
-    return tuple(name for name in PARAMETERS if name != HALF_WIDTH and len(values.get(name, ())) > 1)
+    return tuple(name for name in PARAMETERS if len(values.get(name, ())) > 1)
 
 
 def _of_contacts(contacts: Contacts | None) -> dict[str, Any]:

@@ -151,6 +151,13 @@ def _freed(
         if not converged(result):
             result = _saddle_left_in_vain(walk, problem, result)
         if not converged(result):
+            if (
+                result.status is Status.LEFT_TOPOLOGY
+                and walk.gap is not None
+                and not resting.crosses(state, walk.gap)
+            ):
+                # On its way down without contact the guess passes through itself.
+                return resting.let_down_from(walk, state, stage.name, method)
             return Failure(
                 "solve", result.status, result.detail, {"stage": stage.name}, "`steps` of the recipe"
             )
