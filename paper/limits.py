@@ -30,6 +30,7 @@ LIMITS = (
     Limit("figure-eight", "2π", 0.5 * math.pi, "theorem"),
     Limit("3pi", "3π", math.pi / 3.0, "conjecture, Brown and Schwartz (2023)"),
     Limit("5pi", "5π", None),
+    Limit("7pi", "7π", None),
 )
 
 

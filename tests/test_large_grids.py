@@ -104,28 +104,6 @@ def test_blocks_of_a_part_are_those_of_the_whole() -> None:
             np.testing.assert_array_equal(part, every[first:last])
 
 
-def test_threads_change_no_bit(monkeypatch: pytest.MonkeyPatch) -> None:
-    matrix = disturbed("pi-b0.5-N50")
-    rhs = np.random.default_rng(6).standard_normal((matrix.size + matrix.border, 2))
-    monkeypatch.setattr(inertia, "CHUNK", 7)
-    found = []
-    for number in (1, 3):
-        monkeypatch.setattr(inertia, "cores", lambda number=number: number)
-        with np.errstate(divide="ignore"):
-            reduction = BlockReduction(matrix)
-            errors = set(inertia.in_threads(lambda _: np.geterr()["divide"], 5))
-        assert errors == {"ignore"}
-        found.append((reduction.negative, reduction.gap, reduction.solve(rhs).tobytes()))
-    assert found[0] == found[1]
-
-
-def test_threads_are_as_many_as_the_environment_admits(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(inertia.os, "sched_getaffinity", lambda _: set(range(8)), raising=False)
-    for said, number in (("1", 1), ("16", 8), ("", 8), ("2,1", 8)):
-        monkeypatch.setenv("OMP_NUM_THREADS", said)
-        assert inertia.cores() == number
-
-
 # --- roundoff ---
 
 

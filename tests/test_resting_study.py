@@ -228,3 +228,20 @@ def test_a_study_begins_at_a_state_that_rests_on_itself(solved, tmp_path: Path):
     without = parse_config(text.replace("contact: forces", "contact: stop"), "on.yaml")
     with pytest.raises(ConfigError, match="rests on itself with 4 contacts: it takes `contact: forces`"):
         solve_config(without, tmp_path / "other", references=solved[1])
+
+
+@pytest.mark.long
+def test_a_guess_that_passes_through_itself_without_contact_is_let_down_with_it(tmp_path):
+    """Seven half-twists: on its way down the free band changes its linking number."""
+    text = CONFIG.replace("half_twists: 1", "half_twists: 7").replace("[1.5, 1.55, 1.6]", "[0.0125]")
+    text = re.sub(
+        "initial_guess: .*", "initial_guess: {recipe: schoenke, segments: 60, half_width: 0.0125}", text
+    )
+    outcome = solve_config(parse_config(text, "seven.yaml"), tmp_path)
+    assert outcome.exit_code == 0
+    (target,) = outcome.targets
+    state = outcome.run.load(target.label)
+    assert state.certified
+    assert len(state.contacts) > 0
+    assert state.linking_number == pytest.approx(3.5, abs=1e-9)
+    assert _crossing(state) <= 1e-9

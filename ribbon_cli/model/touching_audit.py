@@ -350,12 +350,23 @@ def _cubic(c: Array, t: Array) -> Array:
 
 
 def _halved(c: Array, low: Array, high: Array, at_low: Array) -> Array:
+    """The one root between each low and high: by Newton's method where that stays between them and more than
+    halves what is left, else by halving."""
+    t, width = 0.5 * (low + high), high - low
     for _ in range(ROOT_STEPS):
-        middle = 0.5 * (low + high)
-        same = _cubic(c, middle) * at_low > 0
-        low, high = np.where(same, middle, low), np.where(same, high, middle)
-    out: Array = 0.5 * (low + high)
-    return out
+        value = _cubic(c, t)
+        same = value * at_low > 0
+        low, high = np.where(same, t, low), np.where(same, high, t)
+        slope = c[:, 1] + t * (2.0 * c[:, 2] + 3.0 * t * c[:, 3])
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            following = t - value / slope
+        far = np.abs(following - t)
+        good = (following > low) & (following < high) & (far < 0.5 * width)
+        width = np.where(good, far, 0.5 * (high - low))
+        before, t = t, np.where(value == 0.0, t, np.where(good, following, 0.5 * (low + high)))
+        if (np.abs(t - before) <= np.finfo(float).eps * t).all():
+            break
+    return t
 
 
 MARGIN = 1e-9

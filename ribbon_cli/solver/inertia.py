@@ -11,13 +11,9 @@ other: their blocks stay in the processor's cache, and are never all there at on
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
-from contextvars import copy_context
 from dataclasses import dataclass
-from functools import cached_property, lru_cache, partial
-from typing import TypeVar
+from functools import cached_property, lru_cache
 
 import numpy as np
 import scipy
@@ -33,11 +29,7 @@ CLEAR = 1e-3
 CONTRACTION = 0.5
 """Power iterations, the rate at which the third of them ends, and the rate below which signs hold."""
 
-THREADS = 4
-"""Threads that reduce chains beside each other."""
-
 Metric = tuple[Array, Array]
-T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -57,27 +49,6 @@ class Inertia:
     def trusted(self) -> bool:
         """Whether roundoff is measured too small to have changed a sign."""
         return self.roundoff < CONTRACTION
-
-
-def in_threads(work: Callable[[int], T], count: int) -> list[T]:
-    """The results of work(0) to work(`count` - 1), on as many threads as there are cores, up to `THREADS`.
-
-    NumPy works outside of the interpreter's lock. Results do not depend on who computed them.
-    """
-    workers = min(THREADS, cores(), count)
-    if workers < 2:
-        return [work(k) for k in range(count)]
-    contexts = [copy_context() for _ in range(count)]  # what floating-point errors do is kept there
-    with ThreadPoolExecutor(workers) as pool:
-        return list(pool.map(lambda k: contexts[k].run(work, k), range(count)))
-
-
-def cores() -> int:
-    """Cores that this process may use: no more than OMP_NUM_THREADS, which workers of sweeps set to one."""
-    affinity = getattr(os, "sched_getaffinity", None)
-    most = os.environ.get("OMP_NUM_THREADS", "")
-    found = len(affinity(0)) if affinity else os.cpu_count() or 1
-    return min(found, int(most)) if most.isdecimal() else found
 
 
 @lru_cache(maxsize=4)
@@ -361,8 +332,8 @@ class BlockReduction:
                 corner,
                 ring=True,
             )
-            for k, (chain, first, edge) in enumerate(in_threads(partial(self._reduced, keep=keep), c)):
-                self._join_chain(ring, k, chain, first, edge)
+            for k in range(c):
+                self._join_chain(ring, k, keep=keep)
         ring.reduce(keep=keep)
         self._ring, self._width = ring, width
         parts = _pivot(_join(ring.diagonal, ring.coupling, ring.border, corner)[None])
@@ -385,35 +356,29 @@ class BlockReduction:
             coupling[:, :7, :7] -= shift * ahead
         return diagonal, coupling, border, held
 
-    def _reduced(self, k: int, *, keep: bool) -> tuple[_Chain, Array, Array]:
-        """Chain k reduced to its first node and the next chain's, and the first node's own blocks."""
+    def _join_chain(self, ring: _Chain, k: int, *, keep: bool) -> None:
+        """Reduce chain k to its first node and the next chain's; add what is left to their ring."""
+        after = (k + 1) % len(self._bounds)
         diagonal, coupling, border, held = self._blocks(*self._bounds[k])
-        first, edge = diagonal[0].copy(), border[0].copy()
+        ring.diagonal[k] += diagonal[0]
+        ring.border[k] += border[0]
         diagonal[0], border[0] = 0.0, 0.0
-        end, width = np.zeros((1, BLOCK, BLOCK)), border.shape[2]
+        end = np.zeros((1, BLOCK, BLOCK))
         chain = _Chain(
             np.concatenate((diagonal, end)),
             np.concatenate((coupling, end)),
-            np.concatenate((border, np.zeros((1, BLOCK, width)))),
+            np.concatenate((border, np.zeros((1, *border.shape[1:])))),
             np.append(held, False),
-            np.zeros((width, width)),
+            ring.corner,
             ring=False,
         )
         chain.reduce(keep=keep)
-        return chain, first, edge
-
-    def _join_chain(self, ring: _Chain, k: int, chain: _Chain, first: Array, edge: Array) -> None:
-        """Add what is left of chain k to the ring of its ends."""
-        after = (k + 1) % len(self._bounds)
-        ring.diagonal[k] += first
-        ring.border[k] += edge
         ring.diagonal[k] += chain.diagonal[0]
         ring.border[k] += chain.border[0]
         ring.diagonal[after] += chain.diagonal[1]
         ring.border[after] += chain.border[1]
         ring.coupling[k] = chain.coupling[0]
         ring.held[k] = chain.held[0]
-        ring.corner += chain.corner
         ring.negative += chain.negative
         ring.gap = min(ring.gap, chain.gap)
         chain.diagonal = chain.coupling = chain.border = np.empty(0)
@@ -451,10 +416,12 @@ class BlockReduction:
         stacks = []
         if self._chains:
             on_ring = b[[first for first, _ in self._bounds]]
-            for k, (ends, stack, share) in enumerate(in_threads(partial(self._taken, b), len(self._bounds))):
+            for k, (first, last) in enumerate(self._bounds):
+                inside = np.zeros((last - first + 1, BLOCK, count))
+                inside[1:-1] = b[first + 1 : last]
+                ends, stack = _forward_at_once(self._chains[k].levels, inside, edge)
                 on_ring[k] += ends[0]
                 on_ring[(k + 1) % len(self._bounds)] += ends[1]
-                edge += share
                 stacks.append(stack)
         else:
             on_ring = b
@@ -465,25 +432,12 @@ class BlockReduction:
         x, edge = rest[:inside_size].reshape(-1, BLOCK, count), rest[inside_size:]
         x = _backward(self._ring.levels, ring_stack, x, edge)
         if self._chains:
-            in_threads(partial(self._given_back, b, x, stacks, edge), len(self._bounds))
+            for k, (first, last) in enumerate(self._bounds):
+                ends = x[[k, (k + 1) % len(self._bounds)]]
+                b[first:last] = _backward_at_once(self._chains[k].levels, stacks[k], ends, edge)[:-1]
             x = b
         out: Array = np.concatenate((x.reshape(-1, count), edge))[position]
         return out.reshape(rhs.shape)
-
-    def _taken(self, b: Array, k: int) -> tuple[Array, list[Array], Array]:
-        """What chain k makes of right-hand sides b: at both its ends, for the way back, and at the border."""
-        first, last = self._bounds[k]
-        inside = np.zeros((last - first + 1, *b.shape[1:]))
-        inside[1:-1] = b[first + 1 : last]
-        share = np.zeros((self._width, b.shape[2]))
-        ends, stack = _forward_at_once(self._chains[k].levels, inside, share)
-        return ends, stack, share
-
-    def _given_back(self, b: Array, x: Array, stacks: list[list[Array]], edge: Array, k: int) -> None:
-        """Put the solutions at the nodes of chain k into b, from those at the ring's nodes x."""
-        first, last = self._bounds[k]
-        ends = x[[k, (k + 1) % len(self._bounds)]]
-        b[first:last] = _backward_at_once(self._chains[k].levels, stacks[k], ends, edge)[:-1]
 
 
 def inertia(matrix: KKTMatrix, shift: float = 0.0, like: KKTMatrix | None = None) -> Inertia:

@@ -48,7 +48,7 @@ class _Basis:
             block = block - known.T @ along
             total += along
         first = self.count
-        for column, size in zip(block.T, before, strict=True):
+        for column, size in zip(np.ascontiguousarray(block.T), before, strict=True):
             own = self.rows[first : self.count]
             for _ in range(2):
                 column = column - own.T @ (own @ (self.mass @ column))

@@ -109,7 +109,7 @@ class Result:
 
 @dataclass(frozen=True, eq=False)
 class Iterate:
-    """A place x (7N,) with multipliers (5N+3,), its derivatives and the Lagrangian's `gradient` (7N,), and
+    """A place x (7N,) with multipliers (5N+3,), its derivatives, with the Lagrangian's `gradient` (7N,), and
     both residuals as `Result` has them."""
 
     problem: Problem
