@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import statistics
 import subprocess
 import sys
 import tempfile
@@ -48,18 +49,36 @@ MOST_BARRIER, MOST_POLISH, MOST_SECONDS = 4.0, 2.0, 60.0
 
 @dataclass(frozen=True)
 class Steps:
-    """Mean seconds of the processor of the parts of a Newton step, over a way of so many steps; the largest
-    border of their matrices, and how many patterns these have."""
+    """Seconds of the processor of the parts of Newton steps along a way, step by step; the largest border of
+    their matrices, and how many patterns these have."""
 
-    parts: dict[str, float]
-    count: int
+    parts: dict[str, list[float]]
     border: int
     patterns: int
 
     @property
+    def count(self) -> int:
+        """The number of steps."""
+        return len(self.all)
+
+    @property
+    def all(self) -> list[float]:
+        """All of each step."""
+        return [sum(each) for each in zip(*self.parts.values(), strict=True)]
+
+    def part(self, name: str) -> float:
+        """The median of a part."""
+        return statistics.median(self.parts[name])
+
+    @property
     def seconds(self) -> float:
-        """All of a step."""
-        return sum(self.parts.values())
+        """The median step."""
+        return statistics.median(self.all)
+
+    @property
+    def mean(self) -> float:
+        """The mean step: lists of pairs, patterns and symbolic factors that are made now and then count."""
+        return statistics.fmean(self.all)
 
 
 @dataclass(frozen=True)
@@ -143,7 +162,7 @@ def _descent(guess: Guess) -> list[Array]:
 
 def _timed(problem: Problem, places: list[Array], multipliers: Array) -> Steps:
     """Newton steps at places one after the other, as on the way along them."""
-    seconds = dict.fromkeys(PARTS, 0.0)
+    seconds: dict[str, list[float]] = {name: [] for name in PARTS}
     patterns, border = set(), 0
     for before, x in zip([places[0], *places], places, strict=False):
         marks = [time.process_time()]
@@ -159,10 +178,10 @@ def _timed(problem: Problem, places: list[Array], multipliers: Array) -> Steps:
         newton_step(problem, point.local, multipliers, factor, LIMIT)
         marks.append(time.process_time())
         for name, (start, end) in zip(PARTS, pairwise(marks), strict=True):
-            seconds[name] += (end - start) / len(places)
+            seconds[name].append(end - start)
         patterns.add(matrix.pattern)
         border = max(border, matrix.border)
-    return Steps(seconds, len(places), border, len(patterns))
+    return Steps(seconds, border, len(patterns))
 
 
 def _followed(config: Path) -> float:

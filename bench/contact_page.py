@@ -51,18 +51,19 @@ def _section(found: Contact) -> str:
     lines = []
     for cost in found.costs:
         for name, steps in _kinds(cost):
-            each = [f"{1000 * steps.parts[part]:.2f}" for part in PARTS]
-            ratio = f"{steps.seconds / cost.free.seconds:.2f}"
+            each = [f"{1000 * steps.part(part):.2f}" for part in PARTS]
             kind = (str(cost.segments), name, str(steps.count), str(steps.border), str(steps.patterns))
-            lines.append((*kind, *each, f"{1000 * steps.seconds:.2f}", ratio))
-    head = ("N", "step", "steps", "border", "patterns", *PARTS, "all", "ratio")
+            middle = f"{1000 * steps.seconds:.2f}", f"{steps.seconds / cost.free.seconds:.2f}"
+            mean = f"{1000 * steps.mean:.2f}", f"{steps.mean / cost.free.mean:.2f}"
+            lines.append((*kind, *each, *middle, *mean))
+    head = ("N", "step", "steps", "border", "patterns", *PARTS, "all", "ratio", "mean", "ratio")
     return f"""## Bands at rest on themselves
 
-Milliseconds of the processor, means over the steps of a way. A pi band of b = {TOUCHES_NOTHING:g} that
+Milliseconds of the processor, medians over the steps of a way. A pi band of b = {TOUCHES_NOTHING:g} that
 touches nothing is widened by {BY:g}: its gaps are opened, and a barrier of the widest reach leads down. The
-same places are gone through again, for the steps without contact and with the barrier; its lists of pairs,
-patterns and their symbolic factors are made on the way. Steps to rest, with gaps as rows, are at places
-between the end of the barrier and the shape at rest. *Collisions* tests the motion of each step; pairs are
-among the derivatives.
+same places are gone through again, for the steps without contact and with the barrier. Its lists of pairs,
+patterns and their symbolic factors are made on the way, in a few of the steps: *mean* has them. Steps to
+rest, with gaps as rows, are at places between the end of the barrier and the shape at rest. *Collisions*
+tests the motion of each step; pairs are among the derivatives.
 
 {table(head, lines)}"""

@@ -7,6 +7,7 @@ of the level alone, and what one level leaves behind costs the next nothing.
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 import tempfile
@@ -18,12 +19,13 @@ from pathlib import Path
 import numpy as np
 
 from ribbon_cli.model.band import State
+from ribbon_cli.study.process import ONE_THREAD
 
 from .level import keep
 
 FIT_FROM = 400
 """Segments from which exponents are fitted."""
-PEER_SECONDS = 45.0
+PEER_SECONDS = 20.0
 """The peer goes on to the next level while a level takes it less; one that takes it three times as long is
 ended."""
 SECONDS, GIB, EXPONENT, KIB, KIB_FROM = 75.0, 4.0, 1.1, 36.0, 12800
@@ -110,7 +112,9 @@ def _level(who: str, segments: int, files: list[str], most: float | None) -> Lev
     """One level in a process of its own; None where that took more than so many seconds."""
     command = [sys.executable, "-m", "bench.level", who, files[0], str(segments), files[1]]
     try:
-        answer = subprocess.run(command, capture_output=True, text=True, check=True, timeout=most)
+        answer = subprocess.run(
+            command, capture_output=True, text=True, check=True, timeout=most, env=os.environ | ONE_THREAD
+        )
     except subprocess.TimeoutExpired:
         return None
     facts = json.loads(answer.stdout.splitlines()[-1])

@@ -109,7 +109,7 @@ class _Point(Iterate):
             local = problem.local_derivatives(x, multipliers)
             kkt = local.gradient - problem.jacobian_matrix(local).T @ multipliers
             constraint = float(np.abs(local.constraints / problem.weights).max())
-        return cls(problem, x, multipliers, local, float(np.abs(kkt).max()), constraint)
+        return cls(problem, x, multipliers, local, kkt, float(np.abs(kkt).max()), constraint)
 
     def merit(self, penalty: Array) -> float:
         """The exact penalty f + sum nu_k |c_k|."""

@@ -18,13 +18,14 @@ from ribbon_cli.model.touching_distances import nearer
 from ribbon_cli.model.touching_features import Features
 from ribbon_cli.model.touching_gaps import Pairs, arguments, gap_values, gaps, vectors
 from ribbon_cli.model.touching_gaps import places as places_of
-from ribbon_cli.solver import resting_barrier, resting_kkt, saddle_free
+from ribbon_cli.model.touching_sides import Sides
+from ribbon_cli.solver import resting_barrier, resting_kkt, resting_set, saddle_free
 from ribbon_cli.solver.linear import Factor
 from ribbon_cli.solver.newton import Options, iterate_at, solve
 from ribbon_cli.solver.prolongation import divided
 from ribbon_cli.solver.resting import RestingProblem
 from ribbon_cli.solver.resting_barrier import BarrierProblem
-from ribbon_cli.solver.resting_exchange import off_features
+from ribbon_cli.solver.resting_exchange import GapLostError, off_features
 from ribbon_cli.solver.resting_kkt import RestingDerivatives, kkt_matrix
 
 REACH = 5e-4
@@ -117,6 +118,9 @@ def test_parts_of_a_way_are_looked_at_with_the_whole(places, monkeypatch):
     looked = _counted(monkeypatch, Surroundings, "first_meeting")
     random = np.random.default_rng(5)
     seen = []
+    assert problem.allows(x, x.copy())
+    assert problem.allows(x, x.copy())
+    looked.clear()
     for _ in range(3):
         step = 0.01 * random.standard_normal(x.size)
         allowed = [problem.allows(x, x + 0.5**k * step) for k in range(0, 24, 3)]
@@ -238,3 +242,25 @@ def test_memory_of_lists_and_looks_grows_no_faster_than_the_grid():
             tracemalloc.stop()
     for name in ("list", "audit", "way"):
         assert peaks[name, 8] < 2.2 * peaks[name, 4], peaks
+
+
+def test_gaps_are_opened_by_the_moves_of_few(monkeypatch):
+    """All gaps nearby are at least as wide as asked for, and few moves were needed for it."""
+    state, pairs, *_ = resting("pi-b1.65-N100")
+    shape, length = Shape.of(state), state.band.length
+    every = Sides(shape, pairs, corners=True).near(shape, 0.02 * length)[0]
+    room = 0.5 * REACH * length
+    solved = _counted(monkeypatch, resting_set.Factor, "solve")
+    x = resting_set._apart(state.band, state.vector(), every, room, room)
+    opened = RestingProblem(state.band, every).gaps(x).value
+    assert opened.min() >= (1.0 - 2e-3) * room
+    assert np.abs(Problem(state.band).constraints(x)).max() < 1e-3 * room
+    assert len(every) > 80
+    assert len(solved) < len(every)
+
+
+def test_moves_that_lead_off_the_constraints_are_given_up():
+    """Gaps that no small move opens."""
+    state, pairs, *_ = resting("pi-b1.65-N100")
+    with pytest.raises(GapLostError, match="by small moves"):
+        resting_set._apart(state.band, state.vector(), pairs, 1.5, 1e-3)

@@ -326,3 +326,45 @@ def test_memory_is_linear() -> None:
         tracemalloc.stop()
     assert peaks[1] < 2.3 * peaks[0]
     assert peaks[1] < 100e6
+
+
+# --- against extended precision ---
+
+
+def exact(place: Place, mass: sparse.csr_matrix, value: float, mode: Array) -> np.longdouble:
+    """The eigenvalue next to a computed one: Newton's method on Wv - mu Mv + C^T nu = 0, Cv = 0 and
+    |v|_M = 1, its residuals added up in extended precision."""
+    problem, local = place.problem, place.local
+    rows = np.vstack((problem.jacobian_matrix(local).toarray(), problem.rotations(place.x).T))
+    rows /= np.abs(rows).max(axis=1)[:, None]
+    hessian, m, n = problem.hessian_matrix(local).toarray(), mass.toarray(), problem.size
+    w, mm, c = (a.astype(np.longdouble) for a in (hessian, m, rows))
+    scale = np.append(1.0 / np.sqrt(np.abs(hessian).max(axis=1)), np.ones(len(rows) + 1))
+    mu, v = np.longdouble(value), mode.astype(np.longdouble)
+    excess = value * (m @ mode) - hessian @ mode
+    nu = np.linalg.lstsq(rows.T, excess, rcond=None)[0].astype(np.longdouble)
+    bordered = np.zeros((scale.size, scale.size))
+    for _ in range(4):
+        momentum = mm @ v
+        residual = np.concatenate((w @ v - mu * momentum + c.T @ nu, c @ v, [(v @ momentum - 1) / 2]))
+        bordered[:n, :n] = hessian - float(mu) * m
+        bordered[:n, n:-1], bordered[n:-1, :n] = rows.T, rows
+        bordered[:n, -1], bordered[-1, :n] = -momentum.astype(float), momentum.astype(float)
+        move = scale * np.linalg.solve(
+            bordered * scale[:, None] * scale, -scale * residual.astype(np.float64)
+        )
+        v, nu, mu = v + move[:n], nu + move[n:-1], mu + move[-1]
+    assert abs(move[-1]) <= 1e-15 * abs(mu)
+    return mu
+
+
+def test_the_largest_eigenvalues_against_extended_precision() -> None:
+    """There modes that keep the constraints to roundoff alone are off by more than their residuals say."""
+    place = pi_band(50, THESIS)
+    spectrum = full(place, keep=place.problem.size)
+    mass = metric_named("physical").matrix(place.problem.state(place.x))
+    for k in (15, 54, 95, 96):
+        value = spectrum.values[k]
+        error = abs(float(exact(place, mass, value, spectrum.vectors[k].ravel()) - value))
+        assert error <= 0.1 * spectrum.bounds[k]
+        assert error <= 1e-13 * value

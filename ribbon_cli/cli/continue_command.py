@@ -74,15 +74,15 @@ def continue_(settings: Settings, /, state: str, contact: str | None, **asked: A
             argv=settings.argv,
         )
     first: study.Course = outcome.branches[0]
-    document = {
-        "points": [point.to_dict() for point in first.points],
-        "end": {
-            "reason": first.reason,
-            "half_width": first.half_width,
-            "message": first.message,
-            **({} if first.value is None else {"parameter": first.parameter, "value": first.value}),
-        },
-    }
-    text = "\n\n".join(map(branch_text, outcome.branches))
+
+    def document() -> dict[str, Any]:
+        end = {"reason": first.reason, "half_width": first.half_width, "message": first.message}
+        if first.value is not None:
+            end |= {"parameter": first.parameter, "value": first.value}
+        return {"points": [point.to_dict() for point in first.points], "end": end}
+
+    def text() -> str:
+        return "\n\n".join(map(branch_text, outcome.branches))
+
     more = f"`ribbon show {store.typed(outcome.run)}` shows its branches"
     return conclude(settings, outcome, document, text, more, outcome.failures)

@@ -9,15 +9,14 @@ import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from ribbon_cli import digits, study, sweeps
+from ribbon_cli import digits, store, study, sweeps
 from ribbon_cli.export.words import linking_name, meeting
 from ribbon_cli.parts import HALF_WIDTH, PARAMETERS
-from ribbon_cli.store import StateRecord, Summary, varying
-from ribbon_cli.store.events import Event, Removed
 from ribbon_cli.text import aligned, ranges, visible
 
 if TYPE_CHECKING:
-    pass
+    from ribbon_cli.store import StateRecord, Summary
+    from ribbon_cli.store.events import Event
 
 MISSING = "-"
 
@@ -115,7 +114,7 @@ def _heads(states: Collection[Summary]) -> list[str]:
 
 def states_table(states: Sequence[Summary], kinds: bool) -> str:
     """The states of a run, with the parameters that they differ in, and with kind and stage if `kinds`."""
-    moved = varying(states)
+    moved = store.varying(states)
     figures = _heads(states)
     heads = ["label", "b", *moved, "N", *figures, *(("kind", "stage") if kinds else ())]
     rows = (
@@ -241,7 +240,7 @@ def history_lines(events: Iterable[Event]) -> dict[str, str]:
         notes = event.document.get("notes")
         more = ": " + "; ".join(map(str, notes)) if isinstance(notes, list) and notes else ""
         label = f" {event.document['label']}" if "label" in event.document else ""
-        label += f" {ranges(event.labels)}" if isinstance(event, Removed) else ""
+        label += f" {ranges(event.labels)}" if isinstance(event, store.events.Removed) else ""
         lines[event.time] = "; ".join(filter(None, [lines.get(event.time), f"{event.kind}{label}{more}"]))
     return lines
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import asdict
 from typing import Any, Literal
 
@@ -73,10 +73,15 @@ def report(settings: Settings, outcome: study.Outcome) -> int:
     The outcome's notes have been shown as they came up; only JSON repeats them.
     """
     states = {state.label: state for state in outcome.run.states(all=True)}
-    labels = {target.label for target in outcome.targets}
-    listed = [state.listed(outcome.run.name) for label, state in states.items() if label in labels]
-    document = {"targets": [asdict(target) for target in outcome.targets], "states": listed}
-    text = "\n\n".join([targets_table(outcome.targets, states), *map(branch_text, outcome.branches)])
+
+    def document() -> dict[str, Any]:
+        labels = {target.label for target in outcome.targets}
+        listed = [state.listed(outcome.run.name) for label, state in states.items() if label in labels]
+        return {"targets": [asdict(target) for target in outcome.targets], "states": listed}
+
+    def text() -> str:
+        return "\n\n".join([targets_table(outcome.targets, states), *map(branch_text, outcome.branches)])
+
     more = f"`ribbon ls {store.typed(outcome.run)}` lists the run"
     return conclude(settings, outcome, document, text, more, gathered(outcome.causes))
 
@@ -84,8 +89,8 @@ def report(settings: Settings, outcome: study.Outcome) -> int:
 def conclude(
     settings: Settings,
     outcome: study.Outcome,
-    document: dict[str, Any],
-    text: str,
+    document: Callable[[], dict[str, Any]],
+    text: Callable[[], str],
     more: str,
     failures: Iterable[str],
 ) -> int:
@@ -98,12 +103,12 @@ def conclude(
         emit_json(
             {"run": run.name, "path": str(run.path)}
             | {"exit_code": outcome.exit_code, "new_states": outcome.new_states}
-            | document
+            | document()
             | {"branches": [course.to_dict() for course in outcome.branches]}
             | {"notes": list(outcome.notes), "failures": list(outcome.failures)}
         )
     else:
-        emit(text)
+        emit(text())
     new = f"{outcome.new_states} new state{'s' * (outcome.new_states != 1)}"
     say(settings, f"{run.path}: {new}; {more}")
     for failure in failures:

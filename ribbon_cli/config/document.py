@@ -41,10 +41,10 @@ _REFUSED = (
 class Node:
     """One value of the document; `line` and `column` count from 1.
 
-    A scalar has its `text` and whether it was `quoted` (a block scalar counts as such); a list its
-    `items`; a mapping its keys and values, alternating, in `items`. An "invalid" node stands for one
-    whose mistake is already recorded: readers skip it silently. `file` is where it
-    stands, where that is another file than the one that is read.
+    A scalar has its `text` and whether it was `quoted` (a block scalar counts as such); a list its `items`; a
+    mapping its keys and values, alternating, in `items`. An "invalid" node stands for one whose mistake is
+    already recorded: readers skip it silently. `file` is where it stands, where that is another file than the
+    one that is read.
     """
 
     line: int

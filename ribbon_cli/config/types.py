@@ -21,9 +21,9 @@ class Guess:
     """Where the first state comes from: a recipe, or (`recipe` "state") a stored state.
 
     `segments` N and `half_width` b are None with a state, which brings its own. `settings` are the recipe's
-    other keys. `state` is what to open, a reference
-    or an absolute path; `state_as_written` is what the config says, at `line` and `column` of its file.
-    `keep_saddle` asks for the stationary point next to the state, whatever its index.
+    other keys. `state` is what to open, a reference or an absolute path; `state_as_written` is what the
+    config says, at `line` and `column` of its file. `keep_saddle` asks for the stationary point next to the
+    state, whatever its index.
     """
 
     recipe: str

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
 
-from ribbon_cli import digits
+from ribbon_cli import digits, store
 from ribbon_cli.parts import HALF_WIDTH
-from ribbon_cli.store import StateRecord, Summary
 from ribbon_cli.text import listed
+
+if TYPE_CHECKING:
+    from ribbon_cli.store import StateRecord, Summary
 
 MEETS_ITSELF = "touches or passes through itself (no contact forces)"
 """Of a state whose facets meet: which of the two it does is not stored, and nothing holds facets apart."""
@@ -35,7 +38,7 @@ def meeting(state: StateRecord | Summary) -> str:
 
 def _held(state: StateRecord | Summary) -> tuple[int, float, float]:
     """Of a state computed with contact forces the number of contacts, their forces' sum, and the gap."""
-    if isinstance(state, Summary):
+    if isinstance(state, store.Summary):
         return state.contacts or 0, state.contact_force or 0.0, state.contact_gap or 0.0
     kept = state.contacts
     return (0, 0.0, 0.0) if kept is None else (len(kept), kept.total_force, kept.gap)

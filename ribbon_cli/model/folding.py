@@ -150,7 +150,7 @@ def spins(before: Array, folding: Folding, *, by_eta: bool = True) -> Array:
 def close(folding: Folding, sigma: int, *, tolerance: float = 1e-13, steps: int = 30) -> Folding:
     """Restore closure by Gauss-Newton steps of least change in theta.
 
-    Eta stays: near an inflection b |eta'| comes close to 1, and a change of the rulings would make them cross.
+    Eta stays: near an inflection b |eta'| comes close to 1, and rulings that change would cross.
     `tolerance` bounds `closure_residual`; where roundoff keeps it above that, 1e-11 will do.
     Raises ClosureError if the residual does not fall to that in `steps` steps.
     """

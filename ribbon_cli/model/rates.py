@@ -2,11 +2,9 @@
 
 Of L = E - lambda . c, (2.47) and (2.55), the half-width b enters in the energy's terms, of which bending is b
 times something without b, and in the fifth constraint of (2.19), weighted by h: b u_i.(g_{i+1} - g_i) - h
-tanh xi_i.
-Loads and natural curvature enter in their own terms. Span, lift and shear enter in h sum u = displacement,
-twist
-and tilt by the end's tangent and ruling, which are data D of every local vector: L_p = L_D.D', and so on,
-with the columns of the local derivatives that belong to data.
+tanh xi_i. Loads and natural curvature enter in their own terms. Span, lift and shear enter in h sum u =
+displacement, twist and tilt by the end's tangent and ruling, which are data D of every local vector: L_p =
+L_D.D', and so on, with the columns of the local derivatives that belong to data.
 """
 
 from __future__ import annotations

@@ -2,11 +2,9 @@
 
 What a clamp exerts on the strip is the derivative of the Lagrangian by its place: the end's force is the
 multiplier of h sum u = displacement, and its moment about its midpoint that of turning its tangent and
-ruling,
-M = t x dL/dt + g x dL/dg. The start's moment comes likewise from its own tangent and ruling, and its force
-from
-the rows of the first facet: what is left there of the gradient without loads and end is h times the force
-that the facet passes on. So balance of both with the loads is a test, not an identity.
+ruling, M = t x dL/dt + g x dL/dg. The start's moment comes likewise from its own tangent and ruling, and its
+force from the rows of the first facet: what is left there of the gradient without loads and end is h times
+the force that the facet passes on. So balance of both with the loads is a test, not an identity.
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
 """Folding coordinates of a strip with ends: N+1 folds, those at nodes 1 and N+1 against the clamps' frames.
 
 Fold i turns by theta_i about the ruling (eta_i, 0, 1) / sqrt(1 + eta_i^2), as in `folding`. At a hinge, and
-at a
-free end, theta is the angle from the frame that a clamp would have there, and costs nothing. At clamps the
-fold spans half a cell, so that the curvature there is theta / (h/2) / sqrt(1 + eta^2).
+at a free end, theta is the angle from the frame that a clamp would have there, and costs nothing. At clamps
+the fold spans half a cell, so that the curvature there is theta / (h/2) / sqrt(1 + eta^2).
 """
 
 from __future__ import annotations

@@ -95,11 +95,10 @@ def strip_turn(
 ) -> tuple[float, float]:
     """Tw and Wr, in turns, of a strip; `before` and `after` are tangent and ruling (3,) of its clamps.
 
-    Tw is that of the rulings from one clamp's to the other's, or to the last facets where an end is no
-    clamp, Wr
-    the Gauss integral over the open midline, of a polygon through every so many vertices where there are more
-    than `OPEN_EDGES`. Their sum is no invariant; it jumps by 2 where the strip passes through itself. Raises
-    ValueError as `twist`.
+    Tw is that of the rulings from one clamp's to the other's, or to the last facets where an end is no clamp,
+    Wr the Gauss integral over the open midline, of a polygon through every so many vertices where there are
+    more than `OPEN_EDGES`. Their sum is no invariant; it jumps by 2 where the strip passes through itself.
+    Raises ValueError as `twist`.
     """
     clamps = ([clamp] if clamp is not None else [] for clamp in (before, after))
     first, last = clamps

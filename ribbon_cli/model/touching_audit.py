@@ -14,14 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .band import Array
-from .contact import near_facets
 from .touching import EDGE, FACET, VERTEX, IntArray, Shape, box_of, cross
 from .touching_features import (
     BLOCK,
     Features,
     boxes_meet,
     boxes_near,
-    corners_of,
     counted,
     edge_distances,
     facets_near,
@@ -87,8 +85,7 @@ def audit(shape: Shape, reach: float | None = None) -> Audit:
 
 
 def _audit(shape: Shape, reach: float) -> Audit:
-    points = shape.vertices
-    i, j = near_facets(corners_of(shape, points), np.zeros(shape.segments), reach)
+    i, j = facets_near((shape,), shape.vertices, np.zeros(shape.segments), reach)
     features = Features.of((shape,), i, j, within_reach(shape, reach))
     heights, over = _over_facets(shape, features.vertex_facet)
     between = edge_distances(shape, features.edge_edge)
@@ -105,7 +102,7 @@ def _audit(shape: Shape, reach: float) -> Audit:
 
 def penetration(shape: Shape) -> float:
     """The greatest depth of an edge through a facet."""
-    i, j = near_facets(corners_of(shape, shape.vertices), np.zeros(shape.segments), 0.0)
+    i, j = facets_near((shape,), shape.vertices, np.zeros(shape.segments), 0.0)
     return float(_crossings(shape, i, j).depth.max(initial=0.0))
 
 
@@ -353,12 +350,23 @@ def _cubic(c: Array, t: Array) -> Array:
 
 
 def _halved(c: Array, low: Array, high: Array, at_low: Array) -> Array:
+    """The one root between each low and high: by Newton's method where that stays between them and more than
+    halves what is left, else by halving."""
+    t, width = 0.5 * (low + high), high - low
     for _ in range(ROOT_STEPS):
-        middle = 0.5 * (low + high)
-        same = _cubic(c, middle) * at_low > 0
-        low, high = np.where(same, middle, low), np.where(same, high, middle)
-    out: Array = 0.5 * (low + high)
-    return out
+        value = _cubic(c, t)
+        same = value * at_low > 0
+        low, high = np.where(same, t, low), np.where(same, high, t)
+        slope = c[:, 1] + t * (2.0 * c[:, 2] + 3.0 * t * c[:, 3])
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            following = t - value / slope
+        far = np.abs(following - t)
+        good = (following > low) & (following < high) & (far < 0.5 * width)
+        width = np.where(good, far, 0.5 * (high - low))
+        before, t = t, np.where(value == 0.0, t, np.where(good, following, 0.5 * (low + high)))
+        if (np.abs(t - before) <= np.finfo(float).eps * t).all():
+            break
+    return t
 
 
 MARGIN = 1e-9

@@ -189,13 +189,16 @@ def gaps(six: Array, what: Arguments, sign: Array, half_width: float) -> Gaps:
     turn[:, 0, G_FIRST], turn[:, 0, G_SECOND] = lean_first, -lean_second
     local, blocks = first.reshape(count, 3, 3), second.reshape(count, 3, 3, 3, 3)
     gradient = np.einsum("kas,kai->ksi", weight, local)
-    hessian = np.einsum("kas,kaibj,kbt->ksitj", weight, blocks, weight, optimize=True)
+    spread = np.zeros((count, 3, 3, 6, 3))
+    spread[:, :, [0, 1, 2], :, [0, 1, 2]] = weight
+    nine = spread.reshape(count, 9, 18)
+    hessian = nine.transpose(0, 2, 1) @ second @ nine
     arm = lean_first[:, None] * six[:, G_FIRST] - lean_second[:, None] * six[:, G_SECOND]
     pushed = np.einsum("kaij,kj->kai", blocks[:, :, :, 0], arm)
     return Gaps(
         value,
         gradient,
-        hessian.reshape(count, 18, 18),
+        hessian,
         np.einsum("ki,ki->k", local[:, 0], arm),
         np.einsum("kas,kai->ksi", weight, pushed) + np.einsum("kas,kai->ksi", turn, local),
         np.einsum("ki,ki->k", pushed[:, 0], arm),

@@ -62,10 +62,9 @@ class Source:
 
     `whole_run` says that the reference was to the run; then `states` is empty. `table` gives the run's
     convergence table, `curves` a state's multipliers beside their formulas (UsageError where it has none),
-    `mode` the mode to show of a state. `angles` is a chosen view, `segments` the N to show of a run,
-    `beside` are further runs. `names` are the states' references where they are of several runs, and
-    `run_names`
-    names their runs. `rows` is a table over runs and sweeps, of which `choice` says what to draw.
+    `mode` the mode to show of a state. `angles` is a chosen view, `segments` the N to show of a run, `beside`
+    are further runs. `names` are the states' references where they are of several runs, and `run_names` names
+    their runs. `rows` is a table over runs and sweeps, of which `choice` says what to draw.
     """
 
     run: Run | None

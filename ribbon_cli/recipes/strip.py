@@ -2,9 +2,8 @@
 
 In the plane the facets' tangents are (cos phi_i, sin phi_i, 0), all rulings are e_z, and the strip's energy
 is a function of the N angles alone: b/h times (1 - cos) of each fold, twice that at a clamp, with natural
-curvature
-and loads as in `model`. It is minimised with the end held at its place, on a coarse mesh. The plane is a
-symmetry of the strip, so that what is stationary within it is stationary.
+curvature and loads as in `model`. It is minimised with the end held at its place, on a coarse mesh. The plane
+is a symmetry of the strip, so that what is stationary within it is stationary.
 """
 
 from __future__ import annotations

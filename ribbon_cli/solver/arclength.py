@@ -173,7 +173,7 @@ def point_at(problem: Problem, x: Array, multipliers: Array, parameter: str = HA
     """Evaluate a place x (7N,) with multipliers (5N+3,), stationary or not; held components are imposed."""
     here = iterate_at(problem, problem.impose(x), multipliers)
     residuals = (here.kkt_residual, here.constraint_residual)
-    return Point(problem, here.x, multipliers, here.local, *residuals, parameter=parameter)
+    return Point(problem, here.x, multipliers, here.local, here.gradient, *residuals, parameter=parameter)
 
 
 def point_of(state: State, multipliers: Array, parameter: str = HALF_WIDTH) -> Point:

@@ -11,13 +11,9 @@ other: their blocks stay in the processor's cache, and are never all there at on
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
-from contextvars import copy_context
 from dataclasses import dataclass
-from functools import cached_property, lru_cache, partial
-from typing import TypeVar
+from functools import cached_property, lru_cache
 
 import numpy as np
 import scipy
@@ -33,11 +29,7 @@ CLEAR = 1e-3
 CONTRACTION = 0.5
 """Power iterations, the rate at which the third of them ends, and the rate below which signs hold."""
 
-THREADS = 4
-"""Threads that reduce chains beside each other."""
-
 Metric = tuple[Array, Array]
-T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -57,27 +49,6 @@ class Inertia:
     def trusted(self) -> bool:
         """Whether roundoff is measured too small to have changed a sign."""
         return self.roundoff < CONTRACTION
-
-
-def in_threads(work: Callable[[int], T], count: int) -> list[T]:
-    """The results of work(0) to work(`count` - 1), on as many threads as there are cores, up to `THREADS`.
-
-    NumPy works outside of the interpreter's lock. Results do not depend on who computed them.
-    """
-    workers = min(THREADS, cores(), count)
-    if workers < 2:
-        return [work(k) for k in range(count)]
-    contexts = [copy_context() for _ in range(count)]  # what floating-point errors do is kept there
-    with ThreadPoolExecutor(workers) as pool:
-        return list(pool.map(lambda k: contexts[k].run(work, k), range(count)))
-
-
-def cores() -> int:
-    """Cores that this process may use: no more than OMP_NUM_THREADS, which workers of sweeps set to one."""
-    affinity = getattr(os, "sched_getaffinity", None)
-    most = os.environ.get("OMP_NUM_THREADS", "")
-    found = len(affinity(0)) if affinity else os.cpu_count() or 1
-    return min(found, int(most)) if most.isdecimal() else found
 
 
 @lru_cache(maxsize=4)
@@ -137,9 +108,23 @@ class _Level:
     kept: NDArray[np.int64]
     vectors: Array
     inverse: Array
-    into_left: Array
-    into_right: Array
-    into_border: Array
+    into: Array
+    """What a node gives to its left neighbour (12 rows), to its right one (12), and to the border."""
+
+    @property
+    def into_left(self) -> Array:
+        """The rows of the left neighbour."""
+        return self.into[:, :BLOCK]
+
+    @property
+    def into_right(self) -> Array:
+        """The rows of the right neighbour."""
+        return self.into[:, BLOCK : 2 * BLOCK]
+
+    @property
+    def into_border(self) -> Array:
+        """The rows of the border."""
+        return self.into[:, 2 * BLOCK :]
 
 
 class NodeMetric:
@@ -207,6 +192,26 @@ class _Chain:
         vectors, inverse, count, narrow = _pivot(diagonal[gone])
         self.negative += count
         self.gap = min(self.gap, narrow)
+        eliminate = self._in_parts if self.ring else self._at_once
+        into = eliminate(gone, left, right, vectors, inverse)
+        stays = np.ones(n, dtype=bool)
+        stays[gone] = False
+        kept = np.flatnonzero(stays)
+        held[left] = held[right] = False
+        self.diagonal, self.coupling = diagonal[kept], coupling[kept]
+        self.border, self.held = border[kept], held[kept]
+        return _Level(gone, left, right, kept, vectors, inverse, into)
+
+    def _in_parts(
+        self,
+        gone: NDArray[np.int64],
+        left: NDArray[np.int64],
+        right: NDArray[np.int64],
+        vectors: Array,
+        inverse: Array,
+    ) -> Array:
+        """Take nodes out of a ring, product by product, which decides the last bits of stored spectra."""
+        diagonal, coupling, border = self.diagonal, self.coupling, self.border
         into_left = coupling[left] @ vectors
         into_right = np.swapaxes(coupling[gone], 1, 2) @ vectors
         into_border = np.swapaxes(border[gone], 1, 2) @ vectors
@@ -218,13 +223,56 @@ class _Chain:
         border[right] -= scaled_right @ t_border
         self.corner -= ((into_border * inverse[:, None, :]) @ t_border).sum(axis=0)
         coupling[left] = -scaled_left @ t_right
-        stays = np.ones(n, dtype=bool)
-        stays[gone] = False
-        kept = np.flatnonzero(stays)
-        held[left] = held[right] = False
-        self.diagonal, self.coupling = diagonal[kept], coupling[kept]
-        self.border, self.held = border[kept], held[kept]
-        return _Level(gone, left, right, kept, vectors, inverse, into_left, into_right, into_border)
+        return np.concatenate((into_left, into_right, into_border), axis=1)
+
+    def _at_once(
+        self,
+        gone: NDArray[np.int64],
+        left: NDArray[np.int64],
+        right: NDArray[np.int64],
+        vectors: Array,
+        inverse: Array,
+    ) -> Array:
+        """Take nodes out of a row in two products, each of which takes as long as one of those above."""
+        diagonal, coupling, border = self.diagonal, self.coupling, self.border
+        beside = (coupling[left], np.swapaxes(coupling[gone], 1, 2), np.swapaxes(border[gone], 1, 2))
+        into: Array = np.concatenate(beside, axis=1) @ vectors
+        lost = (into * inverse[:, None, :]) @ np.swapaxes(into, 1, 2)
+        one, other, edge = slice(0, BLOCK), slice(BLOCK, 2 * BLOCK), slice(2 * BLOCK, None)
+        diagonal[left] -= lost[:, one, one]
+        diagonal[right] -= lost[:, other, other]
+        border[left] -= lost[:, one, edge]
+        border[right] -= lost[:, other, edge]
+        self.corner -= lost[:, edge, edge].sum(axis=0)
+        coupling[left] = -lost[:, one, other]
+        return into
+
+
+def _forward_at_once(levels: list[_Level], b: Array, edge: Array) -> tuple[Array, list[Array]]:
+    """`_forward` in a row, with what a node gives to others in one product."""
+    stack = []
+    for level in levels:
+        y = np.swapaxes(level.vectors, 1, 2) @ b[level.gone]
+        given = level.into @ (level.inverse[:, :, None] * y)
+        b[level.left] -= given[:, :BLOCK]
+        b[level.right] -= given[:, BLOCK : 2 * BLOCK]
+        edge -= given[:, 2 * BLOCK :].sum(axis=0)
+        stack.append(y)
+        b = b[level.kept]
+    return b, stack
+
+
+def _backward_at_once(levels: list[_Level], stack: list[Array], x: Array, edge: Array) -> Array:
+    """`_backward` in a row, with what a node has of others in one product."""
+    for level, y in zip(reversed(levels), reversed(stack), strict=True):
+        full = np.empty((level.gone.size + level.kept.size, *x.shape[1:]))
+        full[level.kept] = x
+        beyond = np.broadcast_to(edge, (level.gone.size, *edge.shape))
+        others = np.concatenate((full[level.left], full[level.right], beyond), axis=1)
+        known = np.swapaxes(level.into, 1, 2) @ others
+        full[level.gone] = level.vectors @ (level.inverse[:, :, None] * (y - known))
+        x = full
+    return x
 
 
 def _forward(levels: list[_Level], b: Array, edge: Array) -> tuple[Array, list[Array]]:
@@ -284,8 +332,8 @@ class BlockReduction:
                 corner,
                 ring=True,
             )
-            for k, (chain, first, edge) in enumerate(in_threads(partial(self._reduced, keep=keep), c)):
-                self._join_chain(ring, k, chain, first, edge)
+            for k in range(c):
+                self._join_chain(ring, k, keep=keep)
         ring.reduce(keep=keep)
         self._ring, self._width = ring, width
         parts = _pivot(_join(ring.diagonal, ring.coupling, ring.border, corner)[None])
@@ -308,35 +356,29 @@ class BlockReduction:
             coupling[:, :7, :7] -= shift * ahead
         return diagonal, coupling, border, held
 
-    def _reduced(self, k: int, *, keep: bool) -> tuple[_Chain, Array, Array]:
-        """Chain k reduced to its first node and the next chain's, and the first node's own blocks."""
+    def _join_chain(self, ring: _Chain, k: int, *, keep: bool) -> None:
+        """Reduce chain k to its first node and the next chain's; add what is left to their ring."""
+        after = (k + 1) % len(self._bounds)
         diagonal, coupling, border, held = self._blocks(*self._bounds[k])
-        first, edge = diagonal[0].copy(), border[0].copy()
+        ring.diagonal[k] += diagonal[0]
+        ring.border[k] += border[0]
         diagonal[0], border[0] = 0.0, 0.0
-        end, width = np.zeros((1, BLOCK, BLOCK)), border.shape[2]
+        end = np.zeros((1, BLOCK, BLOCK))
         chain = _Chain(
             np.concatenate((diagonal, end)),
             np.concatenate((coupling, end)),
-            np.concatenate((border, np.zeros((1, BLOCK, width)))),
+            np.concatenate((border, np.zeros((1, *border.shape[1:])))),
             np.append(held, False),
-            np.zeros((width, width)),
+            ring.corner,
             ring=False,
         )
         chain.reduce(keep=keep)
-        return chain, first, edge
-
-    def _join_chain(self, ring: _Chain, k: int, chain: _Chain, first: Array, edge: Array) -> None:
-        """Add what is left of chain k to the ring of its ends."""
-        after = (k + 1) % len(self._bounds)
-        ring.diagonal[k] += first
-        ring.border[k] += edge
         ring.diagonal[k] += chain.diagonal[0]
         ring.border[k] += chain.border[0]
         ring.diagonal[after] += chain.diagonal[1]
         ring.border[after] += chain.border[1]
         ring.coupling[k] = chain.coupling[0]
         ring.held[k] = chain.held[0]
-        ring.corner += chain.corner
         ring.negative += chain.negative
         ring.gap = min(ring.gap, chain.gap)
         chain.diagonal = chain.coupling = chain.border = np.empty(0)
@@ -374,10 +416,12 @@ class BlockReduction:
         stacks = []
         if self._chains:
             on_ring = b[[first for first, _ in self._bounds]]
-            for k, (ends, stack, share) in enumerate(in_threads(partial(self._taken, b), len(self._bounds))):
+            for k, (first, last) in enumerate(self._bounds):
+                inside = np.zeros((last - first + 1, BLOCK, count))
+                inside[1:-1] = b[first + 1 : last]
+                ends, stack = _forward_at_once(self._chains[k].levels, inside, edge)
                 on_ring[k] += ends[0]
                 on_ring[(k + 1) % len(self._bounds)] += ends[1]
-                edge += share
                 stacks.append(stack)
         else:
             on_ring = b
@@ -388,25 +432,12 @@ class BlockReduction:
         x, edge = rest[:inside_size].reshape(-1, BLOCK, count), rest[inside_size:]
         x = _backward(self._ring.levels, ring_stack, x, edge)
         if self._chains:
-            in_threads(partial(self._given_back, b, x, stacks, edge), len(self._bounds))
+            for k, (first, last) in enumerate(self._bounds):
+                ends = x[[k, (k + 1) % len(self._bounds)]]
+                b[first:last] = _backward_at_once(self._chains[k].levels, stacks[k], ends, edge)[:-1]
             x = b
         out: Array = np.concatenate((x.reshape(-1, count), edge))[position]
         return out.reshape(rhs.shape)
-
-    def _taken(self, b: Array, k: int) -> tuple[Array, list[Array], Array]:
-        """What chain k makes of right-hand sides b: at both its ends, for the way back, and at the border."""
-        first, last = self._bounds[k]
-        inside = np.zeros((last - first + 1, *b.shape[1:]))
-        inside[1:-1] = b[first + 1 : last]
-        share = np.zeros((self._width, b.shape[2]))
-        ends, stack = _forward(self._chains[k].levels, inside, share)
-        return ends, stack, share
-
-    def _given_back(self, b: Array, x: Array, stacks: list[list[Array]], edge: Array, k: int) -> None:
-        """Put the solutions at the nodes of chain k into b, from those at the ring's nodes x."""
-        first, last = self._bounds[k]
-        ends = x[[k, (k + 1) % len(self._bounds)]]
-        b[first:last] = _backward(self._chains[k].levels, stacks[k], ends, edge)[:-1]
 
 
 def inertia(matrix: KKTMatrix, shift: float = 0.0, like: KKTMatrix | None = None) -> Inertia:

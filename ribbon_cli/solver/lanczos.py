@@ -48,7 +48,7 @@ class _Basis:
             block = block - known.T @ along
             total += along
         first = self.count
-        for column, size in zip(block.T, before, strict=True):
+        for column, size in zip(np.ascontiguousarray(block.T), before, strict=True):
             own = self.rows[first : self.count]
             for _ in range(2):
                 column = column - own.T @ (own @ (self.mass @ column))
@@ -69,21 +69,22 @@ def largest_eigenpairs(
     known: Array | None = None,
     seed: int = 0,
     tolerance: float = 1e-9,
+    width: int = BLOCK_SIZE,
 ) -> tuple[Array, Array]:
     """The `count` largest eigenpairs of B = apply(M .), self-adjoint and positive in the metric M.
 
     Returns values (k,) descending and vectors (n, k), M-orthonormal; k < count where the space of
     `dimension` is exhausted. Eigenvectors `known` (n, j) are kept out. `tolerance` bounds residuals relative
-    to their eigenvalues. Raises FactorisationError if they do not converge.
+    to their eigenvalues, and blocks have `width` vectors. Raises FactorisationError if they do not converge.
     """
     n = mass.shape[0]
     limit = min(dimension, LARGEST_BASIS)
     held = 0 if known is None else known.shape[1]
-    basis = _Basis(mass, limit + BLOCK_SIZE + held)
+    basis = _Basis(mass, limit + width + held)
     if known is not None:
         basis.add(known)
     projected = np.zeros((basis.rows.shape[0],) * 2)
-    basis.add(apply(mass @ fixed_block(n, BLOCK_SIZE, seed)))
+    basis.add(apply(mass @ fixed_block(n, width, seed)))
     first = held
     for step in range(1, limit + 1):
         new = slice(first, basis.count)

@@ -96,7 +96,8 @@ def _normal_factor(problem: Problem, x: Array, local: LocalDerivatives) -> Facto
     if problem.band.segments > FINE:
         matrix = kkt_matrix(problem, local, problem.rotations(x)).with_unit_metric()
         return Factor(matrix, regularisation=NORMAL_DELTA)
-    return Factor(kkt_matrix(problem, local, np.zeros((problem.size, 0))).with_unit_metric())
+    matrix = kkt_matrix(problem, local, np.zeros((problem.size, 0))).with_unit_metric()
+    return Factor(matrix, definite=True)
 
 
 def _estimate(problem: Problem, local: LocalDerivatives, normal: Factor) -> Array:

@@ -87,7 +87,13 @@ class Pencil:
         return self._reduction(shift).inertia
 
     def has_at_most(self, count: int, shift: float) -> bool:
-        """Whether no more than `count` eigenvalues are below `shift`: by pivots where these prove it."""
+        """Whether no more than `count` eigenvalues are below `shift`: by pivots where these prove it.
+
+        On fine grids they need a symbolic factorisation, and often several regularisations in vain.
+        """
+        if self.matrix.size > 7 * FINE:
+            found = BlockReduction(self.matrix, shift, self._nodes).inertia  # used once, and not kept
+            return found.trusted and found.negative <= count
         weights = self.mass.diagonal()
         diagonal = self.mass.count_nonzero() == np.count_nonzero(weights)
         if diagonal and Factor(self.matrix.measured(weights), shift=shift).proves_at_most(count):

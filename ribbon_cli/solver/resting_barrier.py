@@ -28,14 +28,19 @@ ROOM = 0.004
 
 class BarrierProblem(Problem):
     """A problem with the barrier over pairs nearer than `reach`, beyond the gap that they are to keep, in its
-    energy."""
+    energy.
 
-    def __init__(self, band: Band, reach: float, gap: float = 0.0) -> None:
+    `near_by` are the lists of another barrier in whose place this one comes, of a longer reach.
+    """
+
+    def __init__(
+        self, band: Band, reach: float, gap: float = 0.0, near_by: Surroundings | None = None
+    ) -> None:
         super().__init__(band)
         self.base = Problem(band)
         self.reach, self.gap = reach, gap
         self.kappa = STIFFNESS * reach
-        self.near_by = Surroundings(self.gap + SPARE * self.reach, ROOM * band.length)
+        self.near_by = near_by or Surroundings(self.gap + SPARE * self.reach, ROOM * band.length)
         self._spare: Copies | None = None
         self._last: tuple[Array, Shape] | None = None
         self._ray: tuple[Array, Array, float] | None = None
@@ -60,7 +65,7 @@ class BarrierProblem(Problem):
             return False
         # Vertices are linear in x: a part of a way meets nothing if all of it does so later only.
         move, ray = y - x, self._ray
-        if ray is not None and ray[0] is x:
+        if ray is not None and ray[0] is x and ray[1].any():
             part = float(move @ ray[1]) / float(ray[1] @ ray[1])
             off = np.abs(move - part * ray[1]).max()
             if 0.0 < part <= 1.0 and off <= ROUNDING * np.abs(x).max():

@@ -354,8 +354,10 @@ def let_down(guess: Guess) -> Rest:
     length = band.length
     start = _start(guess, 0.5 * REACHES[0] * length)
     steps, x, why = 0, start.vector(), NoRestError("no reach")
+    near_by = None
     for k, reach in enumerate(REACHES):
-        problem = BarrierProblem(band, reach * length, gap)
+        problem = BarrierProblem(band, reach * length, gap, near_by)
+        near_by = problem.near_by
         options = Options(
             way=problem.allows,
             leave_saddles=MOST_SADDLES,

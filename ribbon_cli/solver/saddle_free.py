@@ -147,9 +147,12 @@ def negative_eigenpairs(
     rhs = np.zeros(factor.matrix.size + factor.matrix.border)
 
     def inverse(w: Array, solve: Callable[[Array], Array] = factor.solve_backward) -> Array:
-        rhs[:n] = np.where(problem.fixed, 0.0, w)
+        rhs[:n] = w
+        if problem.any_fixed:
+            rhs[:n][problem.fixed] = 0.0
         out = solve(rhs)
-        out[:n][problem.fixed] = 0.0
+        if problem.any_fixed:
+            out[:n][problem.fixed] = 0.0
         return out
 
     start = start_vector(n, problem.fixed)

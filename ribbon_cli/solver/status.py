@@ -109,8 +109,8 @@ class Result:
 
 @dataclass(frozen=True, eq=False)
 class Iterate:
-    """A place x (7N,) with multipliers (5N+3,), its derivatives, the Lagrangian's `gradient` (7N,) among them,
-    and both residuals as `Result` has them."""
+    """A place x (7N,) with multipliers (5N+3,), its derivatives, with the Lagrangian's `gradient` (7N,), and
+    both residuals as `Result` has them."""
 
     problem: Problem
     x: Array

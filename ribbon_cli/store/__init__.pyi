@@ -1,3 +1,4 @@
+from . import events as events
 from . import log as log
 from . import pack as pack
 from . import refs as refs

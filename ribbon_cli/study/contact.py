@@ -1,9 +1,9 @@
 """Where a schedule first meets self-contact: the parameter located between two states, at every level.
 
 Between a state without contact and one with it, the half-width (or what else moves) is bisected, each half
-solved for and certified on
-the branch like any other step. The touching end of the last bracket is stored, the other end is named in its
-events. On finer levels the bracket is searched for about the coarser one's place.
+solved for and certified on the branch like any other step. The touching end of the last bracket is stored,
+the other end is named in its events. On finer levels the bracket is searched for about the coarser one's
+place.
 """
 
 from __future__ import annotations

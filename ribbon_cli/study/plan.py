@@ -120,7 +120,8 @@ class Goal:
 
 def place_name(values: Mapping[str, float], visit: int = 1) -> str:
     """Parameters with their values, in the order of the table of parameters, as stages are named by them."""
-    told = (f"{row.symbol} = {values[name] + 0.0:.12g}" for name, row in PARAMETERS.items() if name in values)
+    names = values if len(values) == 1 else [name for name in PARAMETERS if name in values]
+    told = [f"{PARAMETERS[name].symbol} = {values[name] + 0.0:.12g}" for name in names]
     return ", ".join(told) + (f" (visit {visit})" if visit > 1 else "")
 
 
@@ -219,7 +220,9 @@ def level_notes(config: Config, stages: Sequence[PlannedStage]) -> tuple[str, ..
 
 def _stage(name: str, kind: str, place: Mapping[str, float], segments: int | None) -> PlannedStage:
     """A solve at a place; a parameter that is not a number is unknown."""
-    known = {parameter: value for parameter, value in place.items() if not math.isnan(value)}
+    known = place
+    if any(map(math.isnan, place.values())):
+        known = {parameter: value for parameter, value in place.items() if not math.isnan(value)}
     return PlannedStage(name, kind, known.get(HALF_WIDTH), segments, known)
 
 

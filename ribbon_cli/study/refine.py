@@ -40,8 +40,8 @@ def refine_state(
     On the way to a distant N the grid is doubled, and those states are kept as intermediate. Where the run
     holds a refinement of the same band with such an N already, that one is taken and nothing is stored.
     `split` halves facets as in Koldaev (2022), 3.1, only doubles, and takes nothing that was made otherwise.
-    Raises UsageError for a state outside of a run, with
-    an open seam or prescribed rulings, or for an N that the method cannot reach.
+    Raises UsageError for a state outside of a run, with an open seam or prescribed rulings, or for an N that
+    the method cannot reach.
     """
     if (to is None) == (levels is None):
         raise UsageError("refine: give either the number of segments to refine to, or the number of levels")

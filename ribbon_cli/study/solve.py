@@ -123,6 +123,7 @@ class _Study:
         )
         self.journal = self.walk.journal
         self.planned = frozenset(stage.name for stage in planned)
+        self.moved = {HALF_WIDTH, *(name for leg in config.schedule for name in leg.to)}
         self.targets: list[Target] = []
         self.courses: list[Course] = []
         self.on_level: dict[int, Summary] = {}
@@ -349,10 +350,9 @@ class _Study:
 
     def _words(self, place: Mapping[str, float]) -> str:
         """A place by the parameters that the schedule moves; nothing where that is the half-width alone."""
-        moved = {HALF_WIDTH, *(name for leg in self.config.schedule for name in leg.to)}
-        if moved == {HALF_WIDTH}:
+        if self.moved == {HALF_WIDTH}:
             return ""
-        return place_name({name: place[name] for name in place if name in moved})
+        return place_name({name: place[name] for name in place if name in self.moved})
 
 
 def _known(state: Summary) -> dict[str, float]:

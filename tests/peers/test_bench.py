@@ -22,15 +22,15 @@ def test_a_quick_benchmark_writes_its_document(tmp_path: Path, capsys: pytest.Ca
     with np.errstate(all="warn", under="ignore", over="ignore", invalid="ignore", divide="ignore"):
         assert run.main(["--quick", "-o", str(path)]) == 0
     text = path.read_text(encoding="utf-8")
-    assert text.count("\n## ") == 7
-    assert text.count("\n<!-- part: ") == 4
+    assert text.count("\n## ") == 8
+    assert text.count("\n<!-- part: ") == 5
     assert (tmp_path / PICTURE).stat().st_size > 10_000
     assert machine() in text
     assert versions() in text
     assert "missing" not in text
     assert "| 0.2 | 100 |" in text
     said = capsys.readouterr()
-    assert said.out.count("\n") == 10
+    assert said.out.count("\n") == 12
     assert "single solves" in said.err
 
 
