@@ -63,7 +63,8 @@ REASONS = {
         report.spectra.SpectralTable.document
         cli.compare_command.pairs_answer cli.compare_command.pair_document
         cli.continuum_command._show_state cli.continuum_command._show_run cli.plot_command._mode_document
-        cli.solve_commands.conclude cli.store_commands._contact_pairs cli.store_commands._spectra
+        cli.solve_commands.conclude cli.solve_commands.report.document
+        cli.continue_command.continue_.document cli.store_commands._contact_pairs cli.store_commands._spectra
         cli.verify_command.document""",
     "names and values of JSON, as lines": "cli.render.listing cli.render._listing_lines",
 }
