@@ -25,7 +25,7 @@ from ribbon_cli.model.problem import Layout, Problem
 from ribbon_cli.model.sparsity import Scatter
 from ribbon_cli.model.stencil import Seam
 from ribbon_cli.model.term import Couplings
-from ribbon_cli.solver import continuation, inertia, kkt, linear, newton
+from ribbon_cli.solver import continuation, inertia, kkt, linear, newton, pencil, spectra
 from ribbon_cli.solver.continuation import to_segments
 from ribbon_cli.solver.inertia import BlockReduction, count_below
 from ribbon_cli.solver.kkt import KKTMatrix
@@ -234,6 +234,23 @@ def test_exact_factors_of_another_place_are_made_anew_where_they_are_too_far() -
     )
     assert not factor.stale
     assert (factor.counted().negative, factor.counted().trusted) == (0, True)
+
+
+def test_spectra_by_the_paths_of_fine_grids(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Wide blocks, columns in parts and counts without regularised factors find the same modes."""
+    place = pi_band(100, THESIS)
+    found = []
+    for fine in (3200, 60):
+        for module in (pencil, spectra):
+            monkeypatch.setattr(module, "FINE", fine)
+        if fine == 60:
+            monkeypatch.setattr(pencil, "Factor", None)
+        metrics = ("euclidean", "physical")
+        found.append(spectra.lowest_spectra(place.problem, place.x, place.local, metrics, 8))
+    for one, other in zip(*found, strict=True):
+        assert one.labels == other.labels
+        assert (np.abs(one.values - other.values) <= one.bounds + other.bounds).all()
+        assert one.vectors.shape == other.vectors.shape
 
 
 # --- starts ---

@@ -86,9 +86,9 @@ class Scatter:
         return cls(shape, indptr, row[first], slot, zeros)
 
     @cached_property
-    def _rounds(self) -> list[tuple[IntArray, IntArray]] | None:
-        """Places and entries, the first entries of all places first, then the second ones of those that have
-        more; None where memory counts or many entries share a place."""
+    def _rounds(self) -> tuple[IntArray, list[tuple[IntArray, IntArray]]] | None:
+        """The first entry of each place, and places with the second ones of those that have more, and so on;
+        None where memory counts or many entries share a place."""
         if self.slot.size > COMPACT_FROM:
             return None
         known = self.slot.size - self.zeros
@@ -101,7 +101,7 @@ class Scatter:
         more = [number == k for k in range(1, int(number.max(initial=0)) + 1)]
         if len(more) > MOST_ROUNDS:
             return None
-        return [(np.arange(self.indices.size), first), *((place[k], order[k]) for k in more)]
+        return first, [(place[k], order[k]) for k in more]
 
     def data(self, values: Array) -> Array:
         """Summed values in CSC order, (nnz,)."""
@@ -111,8 +111,9 @@ class Scatter:
             return np.bincount(slot, weights=values, minlength=self.indices.size).astype(
                 np.float64, copy=False
             )
-        out: Array = values.take(rounds[0][1])
-        for places, entries in rounds[1:]:
+        first, more = rounds
+        out: Array = values.take(first)
+        for places, entries in more:
             out[places] += values.take(entries)
         return out
 

@@ -37,7 +37,7 @@ BLOCK_REFINEMENTS = 2
 DIRECTIONS = 3
 ACCELERATED = 8
 LONGER = 16
-"""Corrections over which a residual is made least on grids of `DELTA_GRID` segments and more, how many are
+"""Corrections over which a residual is made least on grids of more than `DELTA_GRID` segments, how many are
 tried, and how many on fine grids, where the block reduction takes as long as thirty."""
 EXTENDED_REFINEMENTS = 4
 FORWARD_LIMIT = 1e-6
@@ -55,7 +55,9 @@ class Factor:
     is `inertia.inertia`.
     With `exact` nothing is regularised: the block reduction solves and counts from the beginning.
     `regularisation` stands for the usual one. With a `definite` Hessian and nothing but multipliers beside it
-    no pivot is zero, and none is looked at. Raises FactorisationError if the matrix is not finite.
+    no pivot is zero, and none is looked at. The residual of `accelerated` solutions is made least, as on
+    large grids, before another regularisation is tried.
+    Raises FactorisationError if the matrix is not finite.
     """
 
     def __init__(
@@ -66,13 +68,14 @@ class Factor:
         exact: bool = False,
         regularisation: float | None = None,
         definite: bool = False,
+        accelerated: bool = False,
     ) -> None:
         self.matrix = matrix
         self.shift = shift
         if not np.isfinite(matrix.upper.data).all():
             raise FactorisationError("the KKT matrix is not finite")
         self._shift_diagonal = shift * matrix.metric
-        self._fine = matrix.size >= 7 * DELTA_GRID
+        self._fine = accelerated or matrix.size > 7 * DELTA_GRID
         self._base = regularisation or DELTA * max(1.0, matrix.size / (7 * DELTA_GRID))
         self._blocks: BlockReduction | None = None
         self._known: Array | None = None
@@ -236,11 +239,11 @@ class Factor:
             return np.zeros_like(rhs)
         while self._blocks is None:
             solution, error = self._refined(rhs, size, backward, 1e-3 * limit)
-            if backward and error * size <= BACKWARD_GOAL * float(np.abs(solution).max()):
-                return solution
             if not error <= limit and self._fine and self._found:
                 solution, error = self._accelerated(rhs, solution, size, 0.1 * limit)
             if error <= limit:
+                return solution
+            if backward and error * size <= BACKWARD_GOAL * float(np.abs(solution).max()):
                 return solution
             if not self._untried:
                 break

@@ -310,7 +310,7 @@ class _Solve:
             return self._result(Status.LEFT_TOPOLOGY, point, detail=complaint), None
         if self.fine:
             return self._judge_fine(point, matrix)
-        factor = Factor(matrix)
+        factor = Factor(matrix, accelerated=True)
         following = self._settled(point, factor)
         # What a settled point counts is to be true where Newton's next step leads as well, and with the
         # roundoff of the derivatives there.

@@ -76,14 +76,14 @@ def test_it_solves_in_an_empty_environment(python, kind, built, tmp_path):
     ribbon, work = commands / "ribbon", tmp_path / "work"
     work.mkdir()
     assert run(ribbon, "--version", cwd=work).stdout.split()[-1] == built["wheel"].name.split("-")[1]
-    run(ribbon, "init", "mobius-pi", "-o", "x.yaml", cwd=work)
-    run(ribbon, "-q", "solve", "x.yaml", cwd=work)
+    run(ribbon, "init", "mobius-pi", "-o", "mobius-pi.yaml", cwd=work)
+    run(ribbon, "-q", "solve", "mobius-pi.yaml", cwd=work)
     states = json.loads(run(ribbon, "ls", "mobius-pi", "--json", cwd=work).stdout)
     assert len(states) == 24
     assert all(state["certified"] and state["negative_eigenvalues"] == 0 for state in states)
     (one,) = (s for s in states if s["half_width"] == 0.5 and s["segments"] == 400)
     assert one["energy"] == pytest.approx(5.151432684, rel=1e-9)
-    assert "0.00283882" in run(ribbon, "convergence-table", "x.yaml", cwd=work).stdout
+    assert "0.00283882" in run(ribbon, "convergence-table", "mobius-pi.yaml", cwd=work).stdout
     # What needs files of data in the package: the viewer's page.
     run(ribbon, "export", "mobius-pi@b=0.5,N=100", "--to", "html", "-o", "x.html", cwd=work)
     run(ribbon, "report", "mobius-pi", "-o", "report.html", cwd=work)
