@@ -3,6 +3,7 @@ barrier."""
 
 from __future__ import annotations
 
+import dataclasses
 from functools import lru_cache
 
 import numpy as np
@@ -16,6 +17,7 @@ from ribbon_cli.model.touching import EDGE, FACET, VERTEX, Shape
 from ribbon_cli.model.touching_audit import audit
 from ribbon_cli.model.touching_barrier import candidates
 from ribbon_cli.model.touching_gaps import Pairs
+from ribbon_cli.solver import resting_certificate
 from ribbon_cli.solver.inertia import inertia
 from ribbon_cli.solver.linear import Factor
 from ribbon_cli.solver.newton import Options, solve
@@ -136,14 +138,39 @@ def _wider(result, half_width):
     return type(state)(state.band.with_half_width(half_width), state.u, state.g, state.xi)
 
 
-def test_steep_facets_are_undecided():
+@pytest.mark.long
+def test_steep_facets_are_counted_as_dense_algebra_does():
+    """Facets that are triangles but for 1e-11 of their width: eigenvalues are small, far above roundoff."""
+    problem, result = _solved("pi-b1.72-N400")
+    assert np.abs(result.state.xi).max() > 13.0
+    judged = certified(problem, result, audit(Shape.of(result.state), 1e-9))
+    assert judged.certified
+    local = problem.local_derivatives(result.x, result.multipliers)
+    rotations = problem.rotations(result.x)
+    scale = kkt_matrix(problem, local, rotations).scale[: problem.size]
+    rows = np.vstack((problem.jacobian_matrix(local).toarray() * scale, rotations.T / scale))
+    rows /= np.linalg.norm(rows, axis=1)[:, None]
+    basis = scipy.linalg.null_space(rows)
+    assert basis.shape[1] == problem.size - len(rows)
+    hessian = problem.hessian_matrix(local).toarray() * scale * scale[:, None]
+    values = np.linalg.eigvalsh(basis.T @ hessian @ basis)
+    assert values[0] > 1e4 * np.finfo(float).eps * values[-1]
+
+
+def test_counts_that_roundoff_may_turn_certify_nothing(monkeypatch):
     problem, result = _solved(PI)
-    x = result.x.copy()
-    x[6] = 12.5
-    steep = type(result)(**{**vars(result), "x": x, "state": problem.state(x)})
-    judged = certified(problem, steep, audit(Shape.of(result.state), 1e-9))
+    clean = audit(Shape.of(result.state), 1e-9)
+    assert certified(problem, result, clean).certified
+    monkeypatch.setattr(Factor, "proves_minimum", lambda self: False)
+    counted = inertia(
+        kkt_matrix(problem, problem.local_derivatives(result.x, None), np.zeros((problem.size, 0)))
+    )
+    unclear = dataclasses.replace(counted, negative=0, roundoff=1.0)
+    assert not unclear.trusted
+    monkeypatch.setattr(resting_certificate, "inertia", lambda matrix: unclear)
+    judged = certified(problem, result, clean)
     assert judged.status is Status.UNDECIDED
-    assert "12.5" in judged.message
+    assert "not known to rise" in judged.message
 
 
 def test_slopes_by_width_against_differences():

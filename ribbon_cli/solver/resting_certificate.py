@@ -57,8 +57,6 @@ OPENS = 1e-9
 """Part of the fastest opening on a way downhill above which a gap opens."""
 FAR, NO_MOVE = 1e-8, 1e-12
 MOST_PIECES = 5000
-STEEPEST_XI = 12.0
-"""Largest |xi| with which counts are trusted: 1 - tanh xi is 4e-11 there."""
 
 
 def certified(problem: RestingProblem, result: Result, found: Audit) -> Result:
@@ -72,9 +70,6 @@ def certified(problem: RestingProblem, result: Result, found: Audit) -> Result:
         return result
     if forces.min() < -PULLS * max(1.0, float(forces.max())):
         return _undecided(result, f"A force pulls: {forces.min():.1e}.")
-    steepest = float(np.abs(result.state.xi).max())
-    if steepest > STEEPEST_XI:
-        return _undecided(result, f"|xi| is {steepest:.1f}: facets are too nearly triangles to count.")
     shape = Shape.of(result.state, problem.gap)
     if problem.gap and jumps(shape, problem.pairs):
         return _undecided(result, "At a contact one kind of distance takes over from another.")
