@@ -123,6 +123,7 @@ def draw(found: Scaling, path: Path) -> None:
         axes.grid(True, which="major", color="0.9", linewidth=0.6)
         for line in axes.lines:
             line.set(markersize=3.5, linewidth=1.1)
-        axes.legend(fontsize=7, frameon=False)
+        axes.legend(fontsize=7, frameon=False, loc="upper left")
+    times.set_ylim(top=3e3)  # room for the legend
     figure.savefig(path)
     plt.close(figure)
