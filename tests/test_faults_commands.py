@@ -111,13 +111,16 @@ def kills(made: Path, folder: Path, name: str, count: int, seed: int, patch: pyt
     """Kill the command so many times at random, then let it end; how many it was still running for."""
     chance = random.Random(f"{name} {seed}")
     folder = folder / "here"
-    prepare(made, folder, name)
-    patch.chdir(folder)
     patch.delenv("RIBBON_RUNS", raising=False)
-    started = time.monotonic()
-    assert wait(child(line(name))) == 0
-    seconds = time.monotonic() - started
-    killed = 0
+    took = []
+    for _ in range(2):  # the first is cold, and the quicker one is what kills are to fall into
+        patch.chdir(folder.parent)
+        prepare(made, folder, name)
+        patch.chdir(folder)
+        started = time.monotonic()
+        assert wait(child(line(name))) == 0
+        took.append(time.monotonic() - started)
+    seconds, killed = min(took), 0
     for _ in range(count):
         patch.chdir(folder.parent)
         kept = prepare(made, folder, name)
