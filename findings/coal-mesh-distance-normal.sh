@@ -47,7 +47,8 @@ for name, other, place, is_set in (
     between = (result.getNearestPoint2() - result.getNearestPoint1()) / distance
     close, undefined = np.allclose(result.normal, between, atol=1e-6), bool(np.isnan(result.normal).any())
     direction = " ".join(f"{abs(x):.0f}" for x in between)
-    print(f"{name:15s} distance {distance:.4g}, from nearest points {direction}, normal is that: {close}, NaN: {undefined}")
+    print(f"{name:15s} distance {distance:.4g}, from nearest points {direction}, "
+          f"normal is that: {close}, NaN: {undefined}")
     as_recorded &= np.allclose(between, [0, 0, 1], atol=1e-6) and close == is_set and not undefined
 if not as_recorded:
     raise SystemExit("changed: not as recorded")

@@ -1,6 +1,6 @@
 #!/bin/sh
-# Guess: h5diff exits with 1 for two files whose datasets of the same name differ in shape, as those of a band of 3 and one
-#   of 4 facets do. Its help says: "0 if no differences, 1 if differences found, 2 if error".
+# Guess: h5diff exits with 1 for two files whose datasets of the same name differ in shape, as those of meshes of
+#   3 and of 4 facets do. Its help says: "0 if no differences, 1 if differences found, 2 if error".
 # Version: hdf5-tools 1.10.8+repack1-1 (Debian 12, whose package lists the script needs), numpy 2.4.6, h5py 3.16.0.
 # Behaviour: datasets and attributes of another shape, or integers beside floating-point numbers, are "not
 #   comparable": the exit code is 0, and with -q nothing is printed. Their numbers are not looked at. A file that

@@ -29,7 +29,8 @@ ALONG, ACROSS = 60, 6
 def band(half_turns):
     """A band about the unit circle, 0.6 wide. Its last piece ends at the first ruling, on a Moebius band turned round."""
     angle, height = np.arange(ALONG) * 2 * np.pi / ALONG, np.linspace(-0.3, 0.3, ACROSS + 1)
-    turn, out = half_turns * angle[:, None] / 2, 1 + height * np.cos(half_turns * angle[:, None] / 2)
+    turn = half_turns * angle[:, None] / 2
+    out = 1 + height * np.cos(turn)
     points = np.stack([out * np.cos(angle)[:, None], out * np.sin(angle)[:, None], height * np.sin(turn)], axis=-1)
     here = np.arange(ALONG * (ACROSS + 1)).reshape(ALONG, -1)
     there = np.roll(here, -1, axis=0)
