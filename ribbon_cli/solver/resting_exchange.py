@@ -96,7 +96,7 @@ class Exchange:
                 x, (own, pushing_forces) = following.x, problem.split(following.multipliers)
             if beside is not None:
                 x = beside
-            if change(start, x - start) > self.farthest:
+            if wandered(start, x) > self.farthest:
                 raise NoRestError("the search goes somewhere else")
             known = dict(zip(working.names(), pushing_forces.tolist(), strict=True))
         raise NoRestError(f"too many steps ({best:.1e}, {len(working)} gaps)")
@@ -183,6 +183,14 @@ def _convex(matrix: KKTMatrix) -> Factor:
     while (factor := Factor(matrix, shift=-added)).surplus > 0 and added < MOST_PROXIMAL:
         added *= 10.0
     return factor
+
+
+def wandered(start: Array, x: Array) -> float:
+    """The largest change of a tangent, or of a ruling over its length, between two places (7N,). In flat fans
+    xi says nothing of the shape."""
+    step = (x - start).reshape(-1, 7)
+    step[:, 6] = 0.0
+    return change(start, step.ravel())
 
 
 def off_features(shape: Shape, pairs: Pairs) -> Array:
