@@ -474,8 +474,8 @@ def way_between(before: State, after: State, gap: float = 0.0) -> Motion:
 
 
 def _apart(band: Band, x: Array, listed: Pairs | Callable[[Array], Pairs], gap: float, room: float) -> Array:
-    """The place near x on the constraints at which gaps of pairs, which may be listed anew at each place, are at
-    least `gap`, to a part of `room`, by least moves. Raises GapLostError where these lead off the
+    """The place near x on the constraints at which gaps of pairs, which may be listed anew at each place, are
+    at least `gap`, to a part of `room`, by least moves. Raises GapLostError where these lead off the
     constraints."""
     for _ in range(MOST_MOVES):
         problem = RestingProblem(band, listed if isinstance(listed, Pairs) else listed(x), gap)
