@@ -52,6 +52,10 @@ class GapLostError(NoRestError):
     """A shape, or the way to it, passes through itself, or has features nearer than they are to be."""
 
 
+class AstrayError(NoRestError):
+    """A search went far from where it began: no other one from there will do."""
+
+
 class Exchange:
     """The search for the stationary point near x (7N,) whose gaps push or are open.
 
@@ -85,7 +89,7 @@ class Exchange:
             problem = RestingProblem(self.band, working, self.gap)
             point = iterate_at(problem, x, np.concatenate((own, pushing_forces)))
             if not pushing_forces.max(initial=0.0) <= RUNS_AWAY * point.energy:
-                raise NoRestError(f"forces grow beyond {RUNS_AWAY * point.energy:.1e}")
+                raise AstrayError(f"forces grow beyond {RUNS_AWAY * point.energy:.1e}")
             beside: Array | None = None
             if point.worst <= self.options.goal or (point.worst <= self.options.tolerance and stuck > 1):
                 result, beside = self._ended(problem, point)
@@ -101,7 +105,7 @@ class Exchange:
             if beside is not None:
                 x = beside
             if turned(start, x - start) > self.farthest:
-                raise NoRestError("the search goes somewhere else")
+                raise AstrayError("the search goes somewhere else")
             known = dict(zip(working.names(), pushing_forces.tolist(), strict=True))
         raise NoRestError(f"too many steps ({best:.1e}, {len(working)} gaps)")
 

@@ -33,7 +33,16 @@ from .prolongation import divided
 from .resting import RestingProblem, resting_rates
 from .resting_barrier import BarrierProblem
 from .resting_certificate import PULLS, certified
-from .resting_exchange import CROSSED, OFF, Exchange, GapLostError, NoRestError, off_features, pushing
+from .resting_exchange import (
+    CROSSED,
+    OFF,
+    AstrayError,
+    Exchange,
+    GapLostError,
+    NoRestError,
+    off_features,
+    pushing,
+)
 from .resting_kkt import RestingDerivatives, kkt_matrix
 from .resting_shares import shared_anew
 from .status import STATIONARY, Result, Status
@@ -297,15 +306,17 @@ def found(rest: Rest, band: Band, by: float, along: Slopes | None, gap: float | 
     return _first_certified(ways)
 
 
-def _first_certified(ways: Iterable[Callable[[], Rest]]) -> Rest:
+def _first_certified(ways: Iterable[Callable[[], Rest]], astray: bool = False) -> Rest:
     """The first certified end of several ways, else the first end. Raises the last NoRestError where no way
-    ends."""
+    ends, or, with `astray`, where the first goes astray."""
     ends, why = [], NoRestError("")
     for way in ways:
         try:
             end = way()
         except NoRestError as failure:
             why = failure
+            if astray and not ends and isinstance(failure, AstrayError):
+                break
             continue
         if end.result.certified:
             return end
@@ -355,7 +366,7 @@ def exchanged(guess: Guess) -> Rest:
     """The shape at rest near a place, with gaps exchanged on the way: a certified minimum if there is one,
     first where sheets slip off each other, then held at corners. Raises NoRestError."""
     held = (False,) if guess.gap else (False, True)
-    return _first_certified(partial(_exchanged, guess, corners) for corners in held)
+    return _first_certified((partial(_exchanged, guess, corners) for corners in held), astray=True)
 
 
 def _exchanged(guess: Guess, corners: bool) -> Rest:
