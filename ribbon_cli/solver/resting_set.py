@@ -309,7 +309,8 @@ def found(rest: Rest, band: Band, by: float, along: Slopes | None, gap: float | 
 def _first_certified(ways: Iterable[Callable[[], Rest]], astray: bool = False) -> Rest:
     """The first certified end of several ways, else the first end. Raises the last NoRestError where no way
     ends, or, with `astray`, where the first goes astray."""
-    ends, why = [], NoRestError("")
+    ends: list[Rest] = []
+    why = NoRestError("")
     for way in ways:
         try:
             end = way()
