@@ -104,3 +104,15 @@ def test_a_recipe_without_steps_is_not_told_to_take_smaller_ones(tmp_path, monke
     assert "Take more segments N" in result.stderr
     assert "with `contact: forces` a band rests on itself" in result.stderr
     assert "smaller steps" not in result.stderr
+
+
+def test_a_strip_followed_without_arclength_ends_at_the_range_of_its_parameter(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("shelf.yaml").write_text(
+        "topology: open\nlength: 1\nends: {end: free}\nloads: {gravity: 2}\n"
+        "initial_guess: {recipe: strip, segments: 10, half_width: 0.05}\n"
+        "spectrum: {modes: 0, full_up_to: 0}\n"
+    )
+    assert ribbon("solve", "shelf.yaml", "-q").exit_code == 0
+    branch = ribbon_json("continue", "shelf:1", "--in", "gravity", "--to", "3")
+    assert branch["end"]["message"] == "The end of the range of gravity."
