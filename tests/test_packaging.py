@@ -37,8 +37,8 @@ def test_minimum_versions_are_the_lower_bounds():
 
 
 def test_what_the_lowest_versions_do_without_is_left_out():
-    """Readers of exports and tables are not installed there: tests that import them could not be collected."""
-    tools = project()["optional-dependencies"]["test"]
+    """Readers of exports and tables are not installed there: what imports them could not be collected."""
+    tools = project()["project"]["optional-dependencies"]["test"]
     lacking = {line.partition(">=")[0] for line in tools if not line.startswith(TEST_TOOLS)}
     importing = set()
     for path in (ROOT / "tests").glob("test_*.py"):
