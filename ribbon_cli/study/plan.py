@@ -182,10 +182,12 @@ def plan_of(config: Config, given: tuple[float, int] | None = None) -> Plan:
             _stage(_refined_start(half_width, n), "equilibrium", place, n)
             for n in config.refinement.levels[1:]
         ]
+    moves = False
     for k, goal in enumerate(planned):
         stays = k == 0 and (_stays(config, goal, place) if config.schedule else kind == "equilibrium")
         place = {**place, **goal.to}
         if not stays:
+            moves = True
             stages.append(_stage(goal.name, "equilibrium", place, first))
         for n in refined_at(config, place[HALF_WIDTH]) if goal.ends_leg else ():
             stages.append(_stage(goal.refined(n), "equilibrium", place, n))
@@ -201,8 +203,7 @@ def plan_of(config: Config, given: tuple[float, int] | None = None) -> Plan:
     cost = sum(_cost(config, s) for s in stages)
     what = "" if config.schedule else " in width"
     halving = f"a step{what} that fails is halved; the additional stages are not counted"
-    moving = {goal.name for goal in planned}
-    notes = (halving,) if any(stage.name in moving for stage in stages) else ()
+    notes = (halving,) if moves else ()
     if branch is not None:
         notes = (*notes, f"a branch takes up to {branch.steps} steps; their cost is not counted")
     return Plan(tuple(stages), cost, (*guess_notes(config), *notes, *level_notes(config, stages)))
