@@ -26,7 +26,7 @@ class Limit:
 
 
 LIMITS = (
-    Limit("pi", "π", math.pi / math.sqrt(3.0), "theorem, Schwartz (2023)"),
+    Limit("pi-400", "π", math.pi / math.sqrt(3.0), "theorem, Schwartz (2023)"),
     Limit("figure-eight", "2π", 0.5 * math.pi, "theorem"),
     Limit("3pi", "3π", math.pi / 3.0, "conjecture, Brown and Schwartz (2023)"),
     Limit("5pi", "5π", None),
