@@ -19,7 +19,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from .band import Array
@@ -243,14 +242,28 @@ def _signed_crossings(u: Array, p: Array, h: float, z: Array, basis: Array) -> i
 
 
 def _near_pairs(q: Array, e: Array) -> tuple[IntArray, IntArray]:
-    """Pairs i < j of plane segments q + [0, 1] e (N, 2) that can meet, neighbours on the curve left out."""
+    """Pairs i < j of plane segments q + [0, 1] e (N, 2) that can meet, neighbours on the curve left out.
 
-    # Two segments that meet have their middles no farther apart than half the sum of their lengths.
+    Two segments that meet have their middles no farther apart than half the sum of their lengths. So these
+    are put into squares with the longest as side, and each is paired with those that come after it in its own
+    square and the next one up, and with those in the three squares to the right.
+    """
     reach = float(_length(e).max()) * (1 + CROSSING_TOLERANCE)
-    pairs: IntArray = scipy.spatial.cKDTree(q + e / 2).query_pairs(reach, output_type="ndarray")
-    step = np.abs(pairs[:, 1] - pairs[:, 0])
-    pairs = pairs[(step > 1) & (step < len(q) - 1)]
-    return pairs[:, 0], pairs[:, 1]
+    middles = q + e / 2
+    column, row = np.floor((middles - middles.min(axis=0)) / reach).astype(np.int64).T
+    high = int(row.max()) + 2  # one row stays empty, so that no square is above the last of a column
+    square = column * high + row
+    order = np.argsort(square, kind="stable")
+    squares, count = square[order], len(q)
+    own = np.arange(count)
+    starts = np.concatenate((own + 1, squares.searchsorted(squares + high - 1)))
+    sizes = squares.searchsorted(np.concatenate((squares + 1, squares + high + 1)), side="right") - starts
+    first = np.repeat(np.concatenate((own, own)), sizes)
+    second = np.arange(first.size) + np.repeat(starts - np.cumsum(sizes) + sizes, sizes)
+    one, other = order[first], order[second]
+    i, j = np.minimum(one, other), np.maximum(one, other)
+    apart = (j - i > 1) & (j - i < count - 1)
+    return i[apart], j[apart]
 
 
 def _same_side(x: Array, y: Array, tolerance: float) -> NDArray[np.bool_]:
