@@ -1,7 +1,7 @@
 """Cubic splines through values given along a closed band, with the seam's sign.
 
-They are scipy's periodic ones to the last bit, without its `interpolate`, which takes longer to import than all
-states of the table with N = 50 take to solve.
+They are scipy's periodic ones to the last bit, without its `interpolate`, which takes longer to import than
+the table's states of N = 50 take to solve.
 """
 
 from __future__ import annotations
