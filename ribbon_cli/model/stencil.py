@@ -158,13 +158,6 @@ def cross(a: Array, b: Array) -> Array:
     return out
 
 
-def norms(a: Array) -> Array:
-    """Squares (k, N) of k vectors, stacked (3k, N)."""
-    each = (a * a).reshape(-1, 3, a.shape[1])
-    out: Array = each[:, 0] + each[:, 1] + each[:, 2]
-    return out
-
-
 def diagonal(hessian: Array, row: int, column: int, size: int = 3) -> Array:
     """A view (size, N) of entries (row + i, column + i) of local Hessians (14, 14, N)."""
     first = SIZE * row + column
