@@ -35,7 +35,8 @@ def sech_squared(xi: Array) -> Array:
 class NodeConstraints:
     """The constraints at local vectors (14,N) and their derivatives, what they share computed once.
 
-    The energy shares `fold` (3,N), u_i - u_{i-1}, its square `fold_square` (N,) and `ruling_square` (N,) of g_i.
+    The energy shares `fold` (3,N), u_i - u_{i-1}, its square `fold_square` (N,) and that of g_i,
+    `ruling_square` (N,).
     """
 
     def __init__(self, band: Band, local: Array) -> None:

@@ -1,8 +1,9 @@
 """LDL^T of matrices of one pattern by qdldl: a symbolic part that is done once, and factors of numbers.
 
-qdldl's own objects tell the signs of pivots only with a copy of all of L, which takes a tenth of a Newton step.
-The C functions behind them do so by themselves. They are called where the version is one of `KNOWN`, and where
-they give the bits of qdldl's own object for a first matrix of the pattern; elsewhere that object does it all.
+qdldl's own objects tell the signs of pivots only with a copy of all of L, which takes a tenth of a Newton
+step. The C functions behind them do so by themselves. They are called where the version is one of `KNOWN`,
+and where they give the bits of qdldl's own object for a first matrix of the pattern; elsewhere that does
+it all.
 """
 
 from __future__ import annotations
