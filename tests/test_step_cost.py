@@ -80,3 +80,19 @@ def test_closing_moves_no_ruling_and_knows_fold_angles_alone() -> None:
     assert np.array_equal(again, residual)
     assert np.array_equal(part, whole[:, :50])
     assert np.array_equal(folding.close(bent, -1).eta, fold.eta)
+
+
+def test_closing_makes_no_jacobian_of_what_is_closed(monkeypatch: pytest.MonkeyPatch) -> None:
+    counts = {"_closure": 0, "_closure_rows": 0}
+    for name in counts:
+
+        def counted(
+            *given: object, name: str = name, call: object = getattr(folding, name), **more: object
+        ) -> object:
+            counts[name] += 1
+            return call(*given, **more)  # type: ignore[operator]
+
+        monkeypatch.setattr(folding, name, counted)
+    fold = folding.from_state(load("pi-b0.5-N50")[0])
+    folding.close(folding.Folding(fold.theta * 1.001, fold.eta), -1)
+    assert counts["_closure"] == counts["_closure_rows"] + 1 > 2

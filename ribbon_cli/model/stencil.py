@@ -158,6 +158,16 @@ def cross(a: Array, b: Array) -> Array:
     return out
 
 
+def cross_rows(a: Array, b: Array) -> Array:
+    """Vector products (N, 3), row by row; numpy's own takes several times as long on a few hundred rows."""
+    (a0, a1, a2), (b0, b1, b2) = a.T, b.T
+    out = np.empty_like(a)
+    out[:, 0] = a1 * b2 - a2 * b1
+    out[:, 1] = a2 * b0 - a0 * b2
+    out[:, 2] = a0 * b1 - a1 * b0
+    return out
+
+
 def diagonal(hessian: Array, row: int, column: int, size: int = 3) -> Array:
     """A view (size, N) of entries (row + i, column + i) of local Hessians (14, 14, N)."""
     first = SIZE * row + column
