@@ -8,7 +8,9 @@ import re
 MAX_CHARACTERS = 100
 """Characters of the longest text that is read."""
 _MAX_PARENTHESES = 10  # open at once: bounds the recursion
-_NUMBER = r"(?:(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|pi)"
+_DECIMAL = r"(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
+_NUMBER = rf"(?:{_DECIMAL}|pi)"
+_ALONE = re.compile(rf"(?!0[0-9]){_DECIMAL}")
 _TOKEN = re.compile(rf"{_NUMBER}(?![.\w])|[-+*/()]")
 _OPERAND = rf" *(?:(?:[+-] *)?\( *)*(?:[+-] *)?(?!0[0-9]){_NUMBER} *(?:\) *)*"
 PATTERN = rf"^{_OPERAND}(?:[-+*/]{_OPERAND})*$"
@@ -27,10 +29,7 @@ def evaluate(text: str) -> float:
     """
     if len(text) > MAX_CHARACTERS:
         raise ExpressionError(f"longer than {MAX_CHARACTERS} characters")
-    parser = _Parser(_tokens(text))
-    value = parser.sum(0)
-    if parser.next:
-        raise ExpressionError(f"{parser.next} out of place")
+    value = float(text) if _ALONE.fullmatch(text) else _Parser(_tokens(text)).whole()
     if not math.isfinite(value):
         raise ExpressionError("not finite")
     return value
@@ -71,6 +70,13 @@ class _Parser:
         token = self.next
         self._at += 1
         return token
+
+    def whole(self) -> float:
+        """The value of all tokens."""
+        value = self.sum(0)
+        if self.next:
+            raise ExpressionError(f"{self.next} out of place")
+        return value
 
     def sum(self, depth: int) -> float:
         """Products with + and - between them; `depth` counts the open parentheses."""

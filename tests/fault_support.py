@@ -8,6 +8,7 @@ import mmap
 import os
 import resource
 import signal
+import struct
 import sys
 import time
 import traceback
@@ -27,6 +28,9 @@ widths: [0.1]
 spectrum: {modes: 2, full_up_to: 0}
 """
 """Six states, one of them a saddle met on the way, in some tenths of a second."""
+
+
+_SECONDS = struct.Struct("d")
 
 
 @dataclass(frozen=True)
@@ -94,10 +98,10 @@ def solve_in(folder: Path) -> int:
 
 
 class Marks:
-    """A byte of memory shared with children: whether a commit is under way."""
+    """Memory shared with children: whether a commit is under way, and how many seconds the last one took."""
 
     def __init__(self) -> None:
-        self.memory = mmap.mmap(-1, 1)
+        self.memory = mmap.mmap(-1, 1 + _SECONDS.size)
 
     def watch(self, monkeypatch) -> None:
         """Mark each commit, here and in children to come."""
@@ -105,9 +109,11 @@ class Marks:
 
         def marked(run, *state):
             self.memory[0] = 1
+            started = time.monotonic()
             try:
                 write(run, *state)
             finally:
+                _SECONDS.pack_into(self.memory, 1, time.monotonic() - started)
                 self.memory[0] = 0
 
         monkeypatch.setattr(Run, "write_state", marked)
@@ -115,6 +121,11 @@ class Marks:
     @property
     def committing(self) -> bool:
         return self.memory[0] == 1
+
+    @property
+    def seconds(self) -> float:
+        """What the last commit took that came to its end; none did at first."""
+        return _SECONDS.unpack_from(self.memory, 1)[0]
 
 
 def kill_after(pid: int, seconds: float, marks: Marks | None = None) -> bool:

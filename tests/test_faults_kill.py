@@ -59,7 +59,8 @@ def kills(alone, folder, monkeypatch, count: int, seed: int) -> int:
             pid = child(lambda: solve_in(folder))
             if killed % 2:
                 time.sleep(chance.uniform(0.0, seconds))
-                hit = kill_after(pid, chance.uniform(0.0, 0.03), marks)
+                # Within a commit, or soon after: one takes a few milliseconds, or some tens on a slow disk.
+                hit = kill_after(pid, chance.uniform(0.0, 1.2 * (marks.seconds or 0.03)), marks)
             else:
                 hit = kill_after(pid, chance.uniform(0.0, 1.1 * seconds))
             killed += hit

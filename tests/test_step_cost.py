@@ -75,15 +75,15 @@ def test_coth_factor_is_the_same_however_many_arguments() -> None:
 def test_closing_moves_no_ruling_and_knows_fold_angles_alone() -> None:
     fold = folding.from_state(load("pi-b0.5-N50")[0])
     bent = folding.Folding(fold.theta * 1.001, fold.eta)
-    residual, whole = folding._closure_derivative(bent, -1)
-    again, part = folding._closure_derivative(bent, -1, by_eta=False)
+    residual, whole = folding.closure(bent, -1)
+    again, part = folding.closure(bent, -1, by_eta=False)
     assert np.array_equal(again, residual)
     assert np.array_equal(part, whole[:, :50])
     assert np.array_equal(folding.close(bent, -1).eta, fold.eta)
 
 
 def test_closing_makes_no_jacobian_of_what_is_closed(monkeypatch: pytest.MonkeyPatch) -> None:
-    counts = {"_closure": 0, "_closure_rows": 0}
+    counts = {"_closed_frames": 0, "_closure_rows": 0}
     for name in counts:
 
         def counted(
@@ -95,4 +95,4 @@ def test_closing_makes_no_jacobian_of_what_is_closed(monkeypatch: pytest.MonkeyP
         monkeypatch.setattr(folding, name, counted)
     fold = folding.from_state(load("pi-b0.5-N50")[0])
     folding.close(folding.Folding(fold.theta * 1.001, fold.eta), -1)
-    assert counts["_closure"] == counts["_closure_rows"] + 1 > 2
+    assert counts["_closed_frames"] == counts["_closure_rows"] + 1 > 2

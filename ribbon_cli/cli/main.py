@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 import sys
@@ -104,4 +105,7 @@ def main() -> None:
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")
     register_bash()
-    cli.main()
+    try:
+        cli.main()
+    finally:
+        gc.disable()  # what is left goes with the process; a last search takes as long as a small listing

@@ -94,24 +94,18 @@ def facet_frames(state: State) -> Array:
     return np.stack((state.u, cross_rows(b, state.u), b), axis=2)
 
 
-def closure_residual(folding: Folding, sigma: int) -> Array:
-    """How far a strip is from closing, (12,): the seam's frame mismatch (9) and the mean tangent (3).
+def closure(folding: Folding, sigma: int, *, by_eta: bool = True) -> tuple[Array, Array]:
+    """How far a strip is from closing, (12,): the seam's frame mismatch (9) and the mean tangent (3); and its
+    Jacobian (12, 2N) in (theta, eta), or (12, N) in theta alone.
 
     The frame after fold 1 at the far end must be facet 1's with normal and binormal times sigma.
     The full 3x3 mismatch is used since its skew part also vanishes at half-turns.
     """
-    f = frames(folding, np.eye(3))
-    last = f[-1] @ np.diag([1.0, sigma, sigma]) @ rotations(folding.theta[:1], folding.eta[:1])[0]
-    return np.concatenate(((last - np.eye(3)).ravel(), f[:, :, 0].mean(axis=0)))
-
-
-def _closure_derivative(folding: Folding, sigma: int, *, by_eta: bool = True) -> tuple[Array, Array]:
-    """Residual (12,) and its Jacobian (12, 2N) in (theta, eta), or (12, N) in theta alone."""
-    residual, ends = _closure(folding, sigma)
+    residual, ends = _closed_frames(folding, sigma)
     return residual, _closure_rows(folding, ends, by_eta=by_eta)
 
 
-def _closure(folding: Folding, sigma: int) -> tuple[Array, tuple[Array, Array, Array]]:
+def _closed_frames(folding: Folding, sigma: int) -> tuple[Array, tuple[Array, Array, Array]]:
     """The residual (12,); the frames (N,3,3), those (N,3,3) that folds start from, and the end's (3,3)."""
     turn = np.diag([1.0, sigma, sigma])
     r = rotations(folding.theta, folding.eta)
@@ -126,7 +120,7 @@ def _closure(folding: Folding, sigma: int) -> tuple[Array, tuple[Array, Array, A
 
 
 def _closure_rows(folding: Folding, ends: tuple[Array, Array, Array], *, by_eta: bool) -> Array:
-    """The Jacobian of `_closure`, whose frames these are."""
+    """The Jacobian of `closure`, whose frames these are."""
     n = folding.theta.size
     f, before, end = ends
     spin = np.ascontiguousarray(spins(before, folding, by_eta=by_eta).transpose(2, 1, 0))
@@ -164,14 +158,14 @@ def close(folding: Folding, sigma: int, *, tolerance: float = 1e-13, steps: int 
     """Restore closure by Gauss-Newton steps of least change in theta.
 
     Eta stays: near an inflection b |eta'| comes close to 1, and rulings that change would cross.
-    `tolerance` bounds `closure_residual`; where roundoff keeps it above that, 1e-11 will do.
+    `tolerance` bounds the residual of `closure`; where roundoff keeps it above that, 1e-11 will do.
     Raises ClosureError if the residual does not fall to that in `steps` steps.
     """
     current = folding
     scale = 1.0 / folding.theta.size
     best = np.inf
     for _ in range(steps):
-        residual, ends = _closure(current, sigma)
+        residual, ends = _closed_frames(current, sigma)
         size = float(np.abs(residual).max())
         if size <= tolerance or (size < 1e-11 and size >= 0.5 * best):
             return current

@@ -12,38 +12,28 @@ from dataclasses import dataclass
 from typing import Any, TypeGuard
 
 from ribbon_cli.parts import HALF_WIDTH, PARAMETERS
-from ribbon_cli.store.summaries import Summary, are_texts, checked, is_label
+from ribbon_cli.store.summaries import Fields, Summary, are_texts, is_label
 
 _SHA256 = re.compile(r"[0-9a-f]{64}")
 _VERSION = re.compile(r"[1-9]\d{0,3}\.\d{1,4}")
-_BRANCH_END = {
-    "branch": frozenset({str}),
-    "start": frozenset({int}),
-    "reason": frozenset({str}),
-    "half_width": frozenset({int, float}),
-    "message": frozenset({str}),
-}
-_STAGE_GIVEN_UP = {
-    "stage": frozenset({str}),
-    "parent": frozenset({int}),
-    "status": frozenset({str}),
-    "detail": frozenset({str}),
-}
-_LABEL: frozenset[type] = frozenset({int, type(None)})
-_SURVEY_END: dict[str, frozenset[type]] = {
-    "climb": frozenset({int}),
-    "status": frozenset({str}),
-    "found": _LABEL,
-    "stored": _LABEL,
-}
-_SURVEY_FOLLOWED: dict[str, frozenset[type]] = {
-    "found": frozenset({int}),
-    "segments": frozenset({int}),
-    "word": frozenset({str}),
-    "label": _LABEL,
-    "distance": frozenset({int, float, type(None)}),
-    "why": frozenset({str}),
-}
+_NUMBER: set[type] = {int, float}
+_BRANCH_END = Fields(
+    {"branch": {str}, "start": {int}, "reason": {str}, "half_width": _NUMBER, "message": {str}}
+)
+_STAGE_GIVEN_UP = Fields({"stage": {str}, "parent": {int}, "status": {str}, "detail": {str}})
+_LABEL: set[type] = {int, type(None)}
+_SURVEY_END = Fields({"climb": {int}, "status": {str}, "found": _LABEL, "stored": _LABEL})
+_SURVEY_FOLLOWED = Fields(
+    {
+        "found": {int},
+        "segments": {int},
+        "word": {str},
+        "label": _LABEL,
+        "distance": {*_NUMBER, type(None)},
+        "why": {str},
+    }
+)
+_MISSING = "is missing, or of another type"
 BRANCH_END = "branch-end"
 """The event that says why a branch ends."""
 GIVEN_UP = "stage-given-up"
@@ -230,7 +220,7 @@ def _ended(kind: str, time: str, document: dict[str, Any]) -> Ended:
 
 
 def _branch_end(kind: str, time: str, document: dict[str, Any]) -> BranchEnd:
-    found = checked(document, _BRANCH_END, "is missing, or of another type")
+    found = _BRANCH_END.checked(document, _MISSING)
     name, value = document.get("parameter", HALF_WIDTH), document.get("value")
     if name not in PARAMETERS or not (value is None or type(value) in (int, float)):
         raise ValueError("parameter or value is of another type")
@@ -238,7 +228,7 @@ def _branch_end(kind: str, time: str, document: dict[str, Any]) -> BranchEnd:
 
 
 def _given_up(kind: str, time: str, document: dict[str, Any]) -> GivenUp:
-    found = checked(document, _STAGE_GIVEN_UP, "is missing, or of another type")
+    found = _STAGE_GIVEN_UP.checked(document, _MISSING)
     return GivenUp(kind, time, document, **found)
 
 
@@ -246,12 +236,12 @@ def _survey_start(kind: str, time: str, document: dict[str, Any]) -> SurveyStart
     start, ends = document.get("start"), document.get("ends")
     if type(start) is not int or not isinstance(ends, list):
         raise ValueError("it does not name a start with its ends")
-    found = tuple(SurveyEnd(**checked(end, _SURVEY_END, "is missing, or of another type")) for end in ends)
+    found = tuple(SurveyEnd(**_SURVEY_END.checked(end, _MISSING)) for end in ends)
     return SurveyStart(kind, time, document, start, found)
 
 
 def _survey_followed(kind: str, time: str, document: dict[str, Any]) -> SurveyFollowed:
-    found = checked(document, _SURVEY_FOLLOWED, "is missing, or of another type")
+    found = _SURVEY_FOLLOWED.checked(document, _MISSING)
     return SurveyFollowed(kind, time, document, **found)
 
 

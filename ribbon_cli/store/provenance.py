@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import platform
 import re
 import shlex
 import socket
@@ -13,12 +12,18 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from ribbon_cli.doors import Later
 from ribbon_cli.errors import StoreError
 from ribbon_cli.store.folder import CONFIG, RESOLVED
 from ribbon_cli.store.hdf5 import read_bytes
 from ribbon_cli.store.log import utc_now
+
+if TYPE_CHECKING:
+    import platform
+else:  # for writers alone
+    platform = Later("platform")
 
 Facts = dict[str, str | int | float]
 

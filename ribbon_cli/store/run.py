@@ -13,12 +13,12 @@ import re
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from ribbon_cli.doors import Later
 from ribbon_cli.errors import StoreError, UsageError
 from ribbon_cli.store import log
 from ribbon_cli.store.atomic import TEMPORARY, is_passing, sync_folder, write_atomic, write_error
-from ribbon_cli.store.beside import Beside, Make, possible
 from ribbon_cli.store.events import REMOVED, Created, Entry, Event, Lost, Removed
 from ribbon_cli.store.folder import (
     CONFIG,
@@ -41,6 +41,12 @@ from ribbon_cli.store.record import StateRecord
 from ribbon_cli.store.recovery import repair, sweep
 from ribbon_cli.store.root import named
 from ribbon_cli.store.summaries import LABELS, Summary
+
+if TYPE_CHECKING:
+    from ribbon_cli.store import beside
+    from ribbon_cli.store.beside import Beside, Make
+else:  # for writers alone
+    beside = Later("ribbon_cli.store.beside")
 
 _NAME = re.compile(r"\w[\w.-]*")
 _HASH = re.compile(r"[0-9a-f]{8}")
@@ -338,8 +344,8 @@ class Run:
         cannot be written.
         """
         self._claim(label)
-        if self._beside is None and self.second_process and possible():
-            self._beside = Beside(self.write_state)
+        if self._beside is None and self.second_process and beside.possible():
+            self._beside = beside.Beside(self.write_state)
         if self._beside is None:
             self.write_state(label, *make())
         else:

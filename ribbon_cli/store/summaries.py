@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from operator import itemgetter
 from typing import Any
 
@@ -38,24 +38,84 @@ OF_CONTACTS: dict[str, Dtype] = {
     "penetration": "float64",
 }
 """What a summary says of a state with contact forces, and of no other: types as in a file."""
-_OF_CONTACTS = {name: frozenset(_JSON[dtype]) for name, dtype in OF_CONTACTS.items()}
-_ABSENT: dict[str, Any] = dict.fromkeys((*REACTIONS, *OF_CONTACTS))
 _NUMBER = frozenset(_JSON["float64"])
 
 
-def _types(items: Iterable[Item]) -> dict[str, frozenset[type]]:
+class Fields:
+    """Fields of a part of a line, each with the types that it may be of; a bool is no int here.
+
+    A log has thousands of lines alike: types that were found in order once are looked up.
+    """
+
+    def __init__(self, types: Mapping[str, Iterable[type]]) -> None:
+        self._types = {name: frozenset(allowed) for name, allowed in types.items()}
+        self._names = tuple(types)
+        self._values = itemgetter(*types)
+        self._by_types: dict[tuple[type, ...], tuple[list[int], list[int]]] = {}
+
+    def checked(self, found: Any, of: str) -> dict[str, Any]:
+        """These fields of a part of a line; what else it says is left out. Raises ValueError, as `pairs`."""
+        return dict(self.pairs(found, of))
+
+    def pairs(self, found: Any, of: str) -> Iterable[tuple[str, Any]]:
+        """Names and values of these fields, as `dict.update` takes them.
+
+        Raises ValueError, with the words `of` behind a field's name, unless all are there, each of one of its
+        types.
+        """
+        found = found if isinstance(found, dict) else {}
+        try:
+            values = self._values(found)
+        except KeyError as error:
+            raise ValueError(f"{error.args[0]} {of}") from None
+        floats, others = self._places(values, of)
+        finite = math.isfinite(sum([values[k] for k in floats]))
+        for k in others if finite else range(len(values)):
+            if not _fits(values[k]):
+                raise ValueError(f"{self._names[k]} {of}")
+        return zip(self._names, values, strict=True)
+
+    def _places(self, values: tuple[Any, ...], of: str) -> tuple[list[int], list[int]]:
+        """Where floats are among the values, and integers and lists. Raises ValueError for any other type."""
+        found = tuple(map(type, values))
+        places = self._by_types.get(found)
+        if places is None:
+            for name, one in zip(self._names, found, strict=True):
+                if one not in self._types[name]:
+                    raise ValueError(f"{name} {of}")
+            floats = [k for k, one in enumerate(found) if one is float]
+            places = floats, [k for k, one in enumerate(found) if one in (int, list)]
+            self._by_types[found] = places
+        return places
+
+
+def _fits(value: Any) -> bool:
+    """Whether a value could be in a file: 1e999 could not."""
+    if type(value) is float:
+        return math.isfinite(value)
+    if type(value) is int:
+        return -_LARGEST <= value < _LARGEST
+    return type(value) is not list or are_texts(value)
+
+
+def _types(items: Iterable[Item]) -> dict[str, set[type]]:
     """The types by field; no class is taken for another, as bool is for int by `isinstance`."""
     found = {}
     for item in items:
         types: set[type] = {list} if item.dims else _JSON[item.dtype]
-        found[item.field] = frozenset(types | _NONE if item.optional else types)
+        found[item.field] = types | _NONE if item.optional else types
     return found
 
 
-_OF_STATE = _types(item for item in STATE if item.summary and item.field not in _TOPOLOGY)
-_OF_STATE["content_sha256"] = frozenset({str})
-_OF_TOPOLOGY = _types(item for item in STATE if item.field in _TOPOLOGY)
-_OF_BRANCH = _types(item for item in BRANCH if item.summary)
+_OF_STATE = Fields(
+    {
+        **_types(item for item in STATE if item.summary and item.field not in _TOPOLOGY),
+        "content_sha256": {str},
+    }
+)
+_OF_TOPOLOGY = Fields(_types(item for item in STATE if item.field in _TOPOLOGY))
+_OF_BRANCH = Fields(_types(item for item in BRANCH if item.summary))
+_OF_CONTACTS = Fields({name: _JSON[dtype] for name, dtype in OF_CONTACTS.items()})
 _KEYS = tuple(
     dict.fromkeys("topology" if item.field in _TOPOLOGY else item.field for item in STATE if item.summary)
 )
@@ -178,13 +238,18 @@ class Summary:
         if not isinstance(document, dict) or not is_label(document.get("label")):
             raise ValueError("it has no state with a label")
         of = f"of state {document['label']} is missing, or of another type"
-        values = checked(document, _OF_STATE, of)
+        # Into one dictionary, which becomes the summary's own: a log has thousands.
+        values = _UNKNOWN.copy()
+        values.update(_OF_STATE.pairs(document, of))
         for name in _POSITIVE:
             if not (values[name] or 0) > 0:
                 raise ValueError(f"{name} of state {document['label']} is not positive")
         topology = document.get("topology")
-        values |= dict.fromkeys(_TOPOLOGY, 0) if topology == _OPEN else checked(topology, _OF_TOPOLOGY, of)
-        values |= _newer(document, values, of)
+        if topology == _OPEN:
+            values |= dict.fromkeys(_TOPOLOGY, 0)
+        else:
+            values.update(_OF_TOPOLOGY.pairs(topology, of))
+        _add_newer(document, values, of)
         values["events"] = tuple(values["events"])
         values["event_kinds"] = _kinds(document, values["events"], of)
         on_branch = document.get("branch")
@@ -194,10 +259,9 @@ class Summary:
             parameter = on_branch.get("parameter") if isinstance(on_branch, dict) else None
             if parameter is not None and parameter not in PARAMETERS:
                 raise ValueError(f"the branch's parameter {of}")
-            on_branch = BranchSummary(**checked(on_branch, _OF_BRANCH, of), parameter=parameter)
-        values["branch"] = on_branch
+            values["branch"] = BranchSummary(**_OF_BRANCH.checked(on_branch, of), parameter=parameter)
         summary = object.__new__(cls)
-        summary.__dict__.update(values)  # as `cls(**values)` in a fifth of the time: a log has thousands
+        object.__setattr__(summary, "__dict__", values)
         return summary
 
     def to_dict(self) -> dict[str, Any]:
@@ -239,8 +303,11 @@ class Summary:
         return {"event_kinds": list(kinds_of(self.events)), **brought}
 
 
-def _newer(document: dict[str, Any], values: dict[str, Any], of: str) -> dict[str, Any]:
-    """Parameters, bending energy and reactions, of which earlier formats of closed bands say nothing, and
+_UNKNOWN: dict[str, Any] = dict.fromkeys(item.name for item in fields(Summary))
+
+
+def _add_newer(document: dict[str, Any], values: dict[str, Any], of: str) -> None:
+    """Add parameters, bending energy and reactions, of which earlier formats of closed bands say nothing, and
     what is said of contacts.
 
     Raises ValueError unless they are numbers, or null.
@@ -252,8 +319,7 @@ def _newer(document: dict[str, Any], values: dict[str, Any], of: str) -> dict[st
         parameters = {HALF_WIDTH: values["half_width"], **dict.fromkeys(names, 0.0)}
     if not isinstance(parameters, dict) or not parameters.keys() <= PARAMETERS.keys():
         raise ValueError(f"parameters {of}")
-    bending = document.get("bending_energy", values["energy"])
-    found: dict[str, Any] = {**_ABSENT, "bending_energy": bending}
+    bending = values["bending_energy"] = document.get("bending_energy", values["energy"])
     numbers = [*parameters.values(), bending]
     for name in REACTIONS:
         vector = document.get(name)
@@ -261,15 +327,14 @@ def _newer(document: dict[str, Any], values: dict[str, Any], of: str) -> dict[st
             if not isinstance(vector, list) or len(vector) != 3:
                 raise ValueError(f"a reaction {of}")
             numbers += vector
-            found[name] = tuple(vector)
+            values[name] = tuple(vector)
     if not all(type(n) in _NUMBER and math.isfinite(n or 0.0) for n in numbers):
         raise ValueError(f"parameters, bending_energy or a reaction {of}")
-    found["others"] = {name: value for name, value in parameters.items() if name != HALF_WIDTH}
+    values["others"] = {name: value for name, value in parameters.items() if name != HALF_WIDTH}
     if document.get("contacts") is not None:
-        found |= checked(document, _OF_CONTACTS, of)
-        if found["contacts"] < 0:
+        values.update(_OF_CONTACTS.pairs(document, of))
+        if values["contacts"] < 0:
             raise ValueError(f"contacts {of}")
-    return found
 
 
 def varying(states: Iterable[Summary]) -> tuple[str, ...]:
@@ -309,31 +374,6 @@ def _plain(record: object, item: Item) -> Any:
     if item.dtype == "float64":
         return float(value) if math.isfinite(value) else None
     return int(value) if item.dtype == "int64" else bool(value)
-
-
-def checked(found: Any, types: Mapping[str, frozenset[type]], of: str) -> dict[str, Any]:
-    """These fields of a part of a line; what else it says is left out.
-
-    Raises ValueError, with the words `of` behind a field's name, unless all are there, each of one of its
-    types.
-    """
-    found = found if isinstance(found, dict) else {}
-    values = {}
-    for name, allowed in types.items():
-        value = found.get(name, checked)  # which is no value at all
-        kind = type(value)
-        if kind in allowed:
-            if kind is float:
-                fits = math.isfinite(value)  # as 1e999 is not
-            elif kind is int:
-                fits = -_LARGEST <= value < _LARGEST
-            else:
-                fits = kind is not list or are_texts(value)
-            if fits:
-                values[name] = value
-                continue
-        raise ValueError(f"{name} {of}")
-    return values
 
 
 def are_texts(values: list[Any]) -> bool:

@@ -20,6 +20,8 @@ SPECTRUM_SECONDS = 4e-8
 """Costs seen on a 2.6 GHz core: a stage with its certificate and file, Newton steps (linear in N), and a
 full spectrum (cubic in N). They make an estimate, not a promise."""
 
+STEPS = "`steps` of the recipe"
+"""Where a way to the first state has its steps, for those that have any."""
 LARGE = 6400
 MEMORY_PER_SEGMENT = 36 * 1024
 """Segments from which the cost of a level is worth a remark, and the bytes a segment that its solve takes at
@@ -153,6 +155,11 @@ def start_name(config: Config) -> str:
     return "given state" if recipe == "state" else RECIPES[recipe].freed
 
 
+def steps_of(config: Config) -> str | None:
+    """Where a config has smaller steps on the way to the first state; None where there are none."""
+    return STEPS if "steps" in config.guess.settings else None
+
+
 def start_width(config: Config, half_width: float) -> float:
     """Half-width at which the guess is freed: the first that the config names, if rounding parts them."""
     widths = config.widths
@@ -182,10 +189,12 @@ def plan_of(config: Config, given: tuple[float, int] | None = None) -> Plan:
             _stage(_refined_start(half_width, n), "equilibrium", place, n)
             for n in config.refinement.levels[1:]
         ]
+    moves = False
     for k, goal in enumerate(planned):
         stays = k == 0 and (_stays(config, goal, place) if config.schedule else kind == "equilibrium")
         place = {**place, **goal.to}
         if not stays:
+            moves = True
             stages.append(_stage(goal.name, "equilibrium", place, first))
         for n in refined_at(config, place[HALF_WIDTH]) if goal.ends_leg else ():
             stages.append(_stage(goal.refined(n), "equilibrium", place, n))
@@ -201,8 +210,7 @@ def plan_of(config: Config, given: tuple[float, int] | None = None) -> Plan:
     cost = sum(_cost(config, s) for s in stages)
     what = "" if config.schedule else " in width"
     halving = f"a step{what} that fails is halved; the additional stages are not counted"
-    moving = {goal.name for goal in planned}
-    notes = (halving,) if any(stage.name in moving for stage in stages) else ()
+    notes = (halving,) if moves else ()
     if branch is not None:
         notes = (*notes, f"a branch takes up to {branch.steps} steps; their cost is not counted")
     return Plan(tuple(stages), cost, (*guess_notes(config), *notes, *level_notes(config, stages)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -88,17 +89,14 @@ def _counts(run: Run, events: list[Event], states: list[Summary], held: bool) ->
     if config is None or planned is None:
         return Counts()
     kept = start_name(config) if config.guess.keep_saddle else None
-    stages: dict[Place, set[str]] = {}
-    good: dict[Place, set[str]] = {}
-    for state in states:
-        place = (state.half_width, state.segments)
-        stages.setdefault(place, set()).add(state.stage)
-        # A point of a branch is what was asked for, stable or not, and so is the saddle that it begins at.
-        begins = state.stage == kept and state.status == "saddle"
-        if state.certified or state.branch or begins:
-            good.setdefault(place, set()).add(state.stage)
-    reached = Counter({place: len(names) for place, names in stages.items()})
-    done = planned & Counter({place: len(names) for place, names in good.items()})
+    # A point of a branch is what was asked for, stable or not, and so is the saddle that it begins at.
+    good = (
+        state
+        for state in states
+        if state.certified or state.branch or (state.stage == kept and state.status == "saddle")
+    )
+    reached = _stages(states)
+    done = planned & _stages(good)
     ended = [event for event in events if isinstance(event, Ended)]
     missed = Counter(ended[-1].missed) if ended and not held else Counter()
     planned = planned - Counter(ended[-1].beyond) if ended else planned
@@ -106,6 +104,13 @@ def _counts(run: Run, events: list[Event], states: list[Summary], held: bool) ->
     left = (planned - done - failed).total()
     running = int(held and left > 0)
     return Counts(planned <= reached, done.total(), running, left - running, failed.total())
+
+
+def _stages(states: Iterable[Summary]) -> Counter[Place]:
+    """How many stages end at each place; one whose state was computed again counts once."""
+    return Counter(
+        (b, n) for b, n, _ in {(state.half_width, state.segments, state.stage) for state in states}
+    )
 
 
 def _given(run: Run, config: Config) -> tuple[float, int] | None:
