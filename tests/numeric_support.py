@@ -16,6 +16,7 @@ from ribbon_cli.recipes.cylinder import cylinder
 from ribbon_cli.solver.continuation import to_segments
 from ribbon_cli.solver.kkt import KKTMatrix
 from ribbon_cli.solver.newton import Options
+from ribbon_cli.solver.status import Result
 
 Array = NDArray[np.float64]
 DATA = Path(__file__).parent / "data"
@@ -29,6 +30,11 @@ def load(name: str) -> tuple[State, Multipliers]:
         return State(band, z["u"], z["g"], z["xi"]), Multipliers.from_vector(band, z["multipliers"])
 
 
+def named_multipliers(result: Result) -> Multipliers:
+    """A result's multipliers by name, normalised as in (1.58)."""
+    return Multipliers.from_vector(result.state.band, result.multipliers)
+
+
 @lru_cache(maxsize=1)
 def ladder() -> dict[int, tuple[State, Multipliers]]:
     """The pi band of half-width 0.5 at N = 50, 100, 200, 400."""
@@ -36,7 +42,7 @@ def ladder() -> dict[int, tuple[State, Multipliers]]:
     for n in (100, 200, 400):
         found = to_segments(states[n // 2][0], n, Options()).result
         assert found.certified
-        states[n] = found.state, found.named_multipliers()
+        states[n] = found.state, named_multipliers(found)
     return states
 
 

@@ -27,10 +27,10 @@ SOLVE = """\
 import os, signal, sys
 from pathlib import Path
 from ribbon_cli.config import load_config
-from ribbon_cli.store import beside, run
+from ribbon_cli.store import beside
 from ribbon_cli.study import solve_config
 mode, asked = sys.argv[1], 0
-run.possible = lambda: mode != "alone"
+beside.possible = lambda: mode != "alone"
 ask = beside._Process.ask
 def counted(process, make):
     global asked

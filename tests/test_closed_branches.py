@@ -36,6 +36,8 @@ MIRRORED = turn(1.0 + 1e-9, 5.0, -3.0, -1.0, 2.0)
         ([LOW, HIGH, MIRRORED], None),  # the other side of a symmetric shape
         ([LOW, HIGH, MIRRORED, HIGH], HIGH),
         ([LOW, HIGH, MIRRORED, TOP], None),  # behind which there is something new
+        ([LOW, LOW, HIGH, MIRRORED, MIRRORED], None),  # each vertex met as a fold and as a branch point
+        ([LOW, LOW, HIGH, HIGH, MIRRORED, HIGH], HIGH),
         ([TOP, LOW, HIGH, LOW, HIGH], HIGH),
         (
             [LOW, HIGH, turn(1.0, 5.0, 1.0, 1.0, 3.0), HIGH],
@@ -82,7 +84,9 @@ def test_the_sliding_branch_is_closed(tmp_path):
     for side in (plus, minus):
         assert side["reason"] == "closed"
         assert side["message"].startswith("The branch is closed")
-        turning = [p["half_width"] for p in side["points"] if p["type"] in ("fold", "branch-point")]
+        met = [p["half_width"] for p in side["points"] if p["type"] in ("fold", "branch-point")]
+        # At a vertex its fold and the mode that crosses there may be located apart, by less than b is known.
+        turning = [b for k, b in enumerate(met) if k == 0 or abs(b - met[k - 1]) > 2e-9]
         assert turning == pytest.approx([1.216085412, 1.215923131, 1.216085412], abs=2e-9)
         assert all(abs(p["linking_number"] + 0.5) < 1e-6 for p in side["points"])
     again = ribbon_json(*words, *options)

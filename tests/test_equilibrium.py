@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numeric_support import Array, ladder, random_strip, with_rule
+from numeric_support import Array, ladder, named_multipliers, random_strip, with_rule
 
 from ribbon_cli.model.band import Band, Discretisation, Multipliers, State
 from ribbon_cli.model.equilibrium import Equilibrium, moved_seam, nodal_moment, seam_conditions
@@ -42,7 +42,7 @@ def value_average() -> tuple[State, Multipliers]:
     start = with_rule(ladder()[50][0], Discretisation.VALUE_AVERAGE)
     result = solve(Problem(start.band), start.vector())
     assert result.certified
-    return result.state, result.named_multipliers()
+    return result.state, named_multipliers(result)
 
 
 def test_centred_differences_of_the_force_are_the_discrete_equations() -> None:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numeric_support import Array, ladder, random_strip, ring, rotation
+from numeric_support import Array, ladder, named_multipliers, random_strip, ring, rotation
 
 from ribbon_cli.model.band import Band, Multipliers, State
 from ribbon_cli.model.equilibrium import moved_seam
@@ -36,7 +36,7 @@ def test_the_ring_in_closed_form() -> None:
             np.testing.assert_allclose(getattr(theory, name), 0.0, atol=1e-12)
         result = solve(Problem(state.band), state.vector())
         assert result.certified
-        curves = multiplier_curves(state, result.named_multipliers())
+        curves = multiplier_curves(state, named_multipliers(result))
         found.append(max(float(np.abs(curve.computed - curve.theory).max()) for curve in curves))
     assert found[-1] < 3e-5
     np.testing.assert_allclose(orders(found), 2.0, atol=0.01)

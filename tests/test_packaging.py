@@ -36,6 +36,20 @@ def test_minimum_versions_are_the_lower_bounds():
     assert {name: version for name, version in pinned.items() if name not in COMPANIONS} == bounds
 
 
+def test_what_the_lowest_versions_do_without_is_left_out():
+    """Readers of exports and tables are not installed there: what imports them could not be collected."""
+    tools = project()["project"]["optional-dependencies"]["test"]
+    lacking = {line.partition(">=")[0] for line in tools if not line.startswith(TEST_TOOLS)}
+    importing = set()
+    for path in (ROOT / "tests").glob("test_*.py"):
+        imported = re.findall(r"^(?:import|from) (\w+)", path.read_text(encoding="utf-8"), re.MULTILINE)
+        if lacking & set(imported):
+            importing.add(f"tests/{path.name}")
+    left_out = set(re.findall(r"--ignore=(\S+)", (ROOT / "Makefile").read_text(encoding="utf-8")))
+    assert importing
+    assert importing <= left_out
+
+
 def test_the_lowest_python_is_the_one_that_is_tested():
     lowest = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["requires-python"]
     assert f"MINIMUM_PYTHON ?= python{lowest.removeprefix('>=')}\n" in (ROOT / "Makefile").read_text()

@@ -88,3 +88,31 @@ def test_passing_through_itself_names_steps_mesh_and_recipe():
     failure = Failure("solve", Status.LEFT_TOPOLOGY, "", {"stage": "b = 0.5"}, "`steps` of the recipe")
     for word in ("smaller steps (`steps` of the recipe)", "more segments N", "another recipe"):
         assert word in failure.sentence
+
+
+def test_a_recipe_without_steps_is_not_told_to_take_smaller_ones(tmp_path, monkeypatch):
+    """The construction passes through itself where nothing keeps it apart; what does is named, before too."""
+    monkeypatch.chdir(tmp_path)
+    Path("five.yaml").write_text(
+        "topology: {half_twists: 5}\ninitial_guess: {recipe: schoenke, segments: 60, half_width: 0.05}\n"
+    )
+    assert (
+        "with 5 half-twists are saddles; `contact: forces` looks for" in ribbon("check", "five.yaml").stderr
+    )
+    result = ribbon("solve", "five.yaml", "-q")
+    assert result.exit_code == 3
+    assert "Take more segments N" in result.stderr
+    assert "with `contact: forces` a band rests on itself" in result.stderr
+    assert "smaller steps" not in result.stderr
+
+
+def test_a_strip_followed_without_arclength_ends_at_the_range_of_its_parameter(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("shelf.yaml").write_text(
+        "topology: open\nlength: 1\nends: {end: free}\nloads: {gravity: 2}\n"
+        "initial_guess: {recipe: strip, segments: 10, half_width: 0.05}\n"
+        "spectrum: {modes: 0, full_up_to: 0}\n"
+    )
+    assert ribbon("solve", "shelf.yaml", "-q").exit_code == 0
+    branch = ribbon_json("continue", "shelf:1", "--in", "gravity", "--to", "3")
+    assert branch["end"]["message"] == "The end of the range of gravity."

@@ -68,8 +68,8 @@ def test_coth_factor_is_the_same_however_many_arguments() -> None:
 def test_closing_moves_no_ruling_and_knows_fold_angles_alone() -> None:
     fold = folding.from_state(load("pi-b0.5-N50")[0])
     bent = folding.Folding(fold.theta * 1.001, fold.eta)
-    residual, whole = folding._closure_derivative(bent, -1)
-    again, part = folding._closure_derivative(bent, -1, by_eta=False)
+    residual, whole = folding.closure(bent, -1)
+    again, part = folding.closure(bent, -1, by_eta=False)
     assert np.array_equal(again, residual)
     assert np.array_equal(part, whole[:, :50])
     assert np.array_equal(folding.close(bent, -1).eta, fold.eta)

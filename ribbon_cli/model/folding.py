@@ -93,19 +93,13 @@ def facet_frames(state: State) -> Array:
     return np.stack((state.u, np.cross(b, state.u), b), axis=2)
 
 
-def closure_residual(folding: Folding, sigma: int) -> Array:
-    """How far a strip is from closing, (12,): the seam's frame mismatch (9) and the mean tangent (3).
+def closure(folding: Folding, sigma: int, *, by_eta: bool = True) -> tuple[Array, Array]:
+    """How far a strip is from closing, (12,): the seam's frame mismatch (9) and the mean tangent (3); and its
+    Jacobian (12, 2N) in (theta, eta), or (12, N) in theta alone.
 
     The frame after fold 1 at the far end must be facet 1's with normal and binormal times sigma.
     The full 3x3 mismatch is used since its skew part also vanishes at half-turns.
     """
-    f = frames(folding, np.eye(3))
-    last = f[-1] @ np.diag([1.0, sigma, sigma]) @ rotations(folding.theta[:1], folding.eta[:1])[0]
-    return np.concatenate(((last - np.eye(3)).ravel(), f[:, :, 0].mean(axis=0)))
-
-
-def _closure_derivative(folding: Folding, sigma: int, *, by_eta: bool = True) -> tuple[Array, Array]:
-    """Residual (12,) and its Jacobian (12, 2N) in (theta, eta), or (12, N) in theta alone."""
     n = folding.theta.size
     turn = np.diag([1.0, sigma, sigma])
     r = rotations(folding.theta, folding.eta)
@@ -151,14 +145,14 @@ def close(folding: Folding, sigma: int, *, tolerance: float = 1e-13, steps: int 
     """Restore closure by Gauss-Newton steps of least change in theta.
 
     Eta stays: near an inflection b |eta'| comes close to 1, and rulings that change would cross.
-    `tolerance` bounds `closure_residual`; where roundoff keeps it above that, 1e-11 will do.
+    `tolerance` bounds the residual of `closure`; where roundoff keeps it above that, 1e-11 will do.
     Raises ClosureError if the residual does not fall to that in `steps` steps.
     """
     current = folding
     scale = 1.0 / folding.theta.size
     best = np.inf
     for _ in range(steps):
-        residual, jacobian = _closure_derivative(current, sigma, by_eta=False)
+        residual, jacobian = closure(current, sigma, by_eta=False)
         size = float(np.abs(residual).max())
         if size <= tolerance or (size < 1e-11 and size >= 0.5 * best):
             return current

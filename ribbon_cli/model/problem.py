@@ -185,6 +185,9 @@ class Problem:
     where the midline ends, 3 but for a free end, and `target` (3,) where that is.
     """
 
+    xi_follows = False
+    """Whether steps in xi are taken as steps in tanh xi, and limit no step; see `solver.newton.followed`."""
+
     def __init__(self, band: Band, prescription: Prescription = FREE) -> None:
         self.band = band
         self.prescription = prescription

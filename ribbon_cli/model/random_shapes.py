@@ -11,12 +11,11 @@ import math
 
 import numpy as np
 
-from ..parts import CLAMPED, FREE
+from ..parts import FREE
 from . import strip_folding
 from .band import Array, Band, State
-from .ends import finish_frame, start_frame
 from .folding import ClosureError, Folding, close, to_state
-from .topology import linking_number, strip_turn
+from .topology import linking_number, turn_of
 
 MOST_DRAWS = 400
 """Draws after which there is no start: closed bands of the right linking number take 3 to 30 at Lk = 1/2."""
@@ -144,11 +143,8 @@ def _knotted(state: State) -> bool:
     assert ends is not None
     if ends.end == FREE:
         return False
-    start, finish = start_frame(ends), finish_frame(ends)
-    before = (start.tangent, start.ruling) if ends.start == CLAMPED else None
-    after = (finish.tangent, finish.ruling) if ends.end == CLAMPED else None
     try:
-        turn = sum(strip_turn(state.u, state.g, before, after, state.band.h))
+        turn = sum(turn_of(state))
     except ValueError:
         return True
     return abs(turn - state.band.parts.value("twist") / math.tau) > MOST_TURN

@@ -22,11 +22,12 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from .band import Array
+from ..parts import CLAMPED, Ends
+from .band import Array, State
+from .ends import finish_frame, start_frame
 from .stencil import dot
 
 IntArray = NDArray[np.intp]
-Clamp = tuple[Array, Array]
 
 # Edges of an open midline beyond which its writhe is that of a polygon through some of the vertices, and how
 # many of them are taken against all others at once.
@@ -90,20 +91,28 @@ def open_turn(u: Array, g: Array, h: float) -> float:
     return float(np.sum(twist_angles(u, g, 1)[1:])) / math.tau + writhe(u, h)
 
 
-def strip_turn(
-    u: Array, g: Array, before: Clamp | None, after: Clamp | None, h: float
-) -> tuple[float, float]:
-    """Tw and Wr, in turns, of a strip; `before` and `after` are tangent and ruling (3,) of its clamps.
+def turn_of(state: State) -> tuple[float, float]:
+    """Tw and Wr, in turns, of a strip with ends.
 
     Tw is that of the rulings from one clamp's to the other's, or to the last facets where an end is no clamp,
     Wr the Gauss integral over the open midline, of a polygon through every so many vertices where there are
     more than `OPEN_EDGES`. Their sum is no invariant; it jumps by 2 where the strip passes through itself.
     Raises ValueError as `twist`.
     """
-    clamps = ([clamp] if clamp is not None else [] for clamp in (before, after))
-    first, last = clamps
-    t = _normalised(np.vstack([*(c[0] for c in first), _checked(u), *(c[0] for c in last)]), "facet tangent")
-    rulings = np.vstack([*(c[1] for c in first), _checked(g), *(c[1] for c in last)])
+    ends = state.band.parts.ends
+    assert ends is not None
+    return _turn(state.u.tobytes(), state.g.tobytes(), ends, state.band.h)
+
+
+@lru_cache(maxsize=2)
+def _turn(u_bytes: bytes, g_bytes: bytes, ends: Ends, h: float) -> tuple[float, float]:
+    """The turns of what was seen last: the end of one step is where the next begins, and what is stored."""
+    u, g = (np.frombuffer(held).reshape(-1, 3) for held in (u_bytes, g_bytes))
+    first = [start_frame(ends)] if ends.start == CLAMPED else []
+    last = [finish_frame(ends)] if ends.end == CLAMPED else []
+    tangents = np.vstack([*(c.tangent for c in first), _checked(u), *(c.tangent for c in last)])
+    t = _normalised(tangents, "facet tangent")
+    rulings = np.vstack([*(c.ruling for c in first), _checked(g), *(c.ruling for c in last)])
     across = _normalised(_across(rulings, t), "ruling's part across the midline")
     vertices = np.vstack((np.zeros(3), np.cumsum(h * u, axis=0)))
     return float(np.sum(_frame_angles(t, across, 1)[1:])) / math.tau, open_writhe(vertices)

@@ -12,20 +12,18 @@ from ribbon_cli.export.series import value_at
 from ribbon_cli.parts import HALF_WIDTH
 from ribbon_cli.plot.canvas import Figure
 from ribbon_cli.plot.labels import parameter_text
-from ribbon_cli.plot.style import PANEL, Style
+from ribbon_cli.plot.style import Style
 from ribbon_cli.store import Summary
 
 Array = NDArray[np.float64]
 
 
-def panels(
-    style: Style, count: int, wanted: int, share: float, letters: float = PANEL
-) -> tuple[Figure, list[Axes]]:
-    """A figure of panels in full rows, `wanted` side by side or as many as are `letters` wide.
+def panels(style: Style, count: int, wanted: int, share: float) -> tuple[Figure, list[Axes]]:
+    """A figure of panels in full rows, `wanted` side by side or as many as are `PANEL` letters wide.
 
     `share` is a row's height as a part of the width.
     """
-    columns = style.fitting(wanted, letters)
+    columns = style.fitting(wanted)
     while count % columns:
         columns -= 1
     rows = count // columns

@@ -177,12 +177,18 @@ def _way(band: Band, half_twists: int, _settings: Settings) -> Way:
 
 def _notes(half_twists: int, segments: int) -> tuple[str, ...]:
     n = abs(half_twists)
-    if segments % n == 0:
-        return ()
-    return (
-        f"{segments} segments do not divide into {n} equal units: the {n} inflections sit unevenly on the "
-        f"grid, and there may be several minima next to each other; multiples of {n} avoid it",
-    )
+    found = []
+    if segments % n:
+        found.append(
+            f"{segments} segments do not divide into {n} equal units: the {n} inflections sit unevenly on "
+            f"the grid, and there may be several minima next to each other; multiples of {n} avoid it"
+        )
+    if n >= 4:
+        found.append(
+            f"without contact the known bands with {n} half-twists are saddles; `contact: forces` looks for "
+            "a minimum at which the band rests on itself"
+        )
+    return tuple(found)
 
 
 CARD = Recipe(

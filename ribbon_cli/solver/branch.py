@@ -13,6 +13,7 @@ from enum import Enum
 
 from ..facts import Event as Happening
 from ..facts import event as happening
+from ..parts import HALF_WIDTH
 from .arclength import (
     CorrectorError,
     Point,
@@ -91,6 +92,13 @@ class End:
     reason: Reason
     value: float
     detail: str = ""
+
+    def message(self, parameter: str) -> str:
+        """Why a branch in this parameter ends, with the details that there are."""
+        said = self.reason.sentence
+        if self.reason is Reason.RANGE and parameter != HALF_WIDTH:
+            said = f"The end of the range of {parameter}."
+        return f"{said} {self.detail}".strip()
 
 
 @dataclass(frozen=True)

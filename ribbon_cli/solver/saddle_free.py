@@ -32,7 +32,7 @@ EXACT_STEPS = 20
 """The same where the block reduction solves, as on fine grids: a step takes a second at N = 100 000."""
 BENT_FROM = 1e-5
 """Largest component of a step, with gaps, up to which it is the exact one."""
-ADDED = (0.0, *(10.0**k for k in range(-2, 6)))
+ADDED = (0.0, *(10.0**k for k in (-10, -8, -6, -4, -3, -2, -1, 0, 1, 2, 3, 4, 5)))
 """What is added to the Hessian there, one after the other."""
 FIRST_SHIFT = -1e-2
 """Where a search for a shift begins if nothing is known of the eigenvalues."""

@@ -8,7 +8,7 @@ from enum import Enum
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:  # listings of runs know the words, and do without NumPy
-    from ..model.band import Array, Multipliers, State
+    from ..model.band import Array, State
     from ..model.problem import LocalDerivatives, Problem
 
 
@@ -99,12 +99,6 @@ class Result:
     def message(self) -> str:
         """The sentence of the status, with details where there are any."""
         return f"{self.status.sentence} {self.detail}".strip()
-
-    def named_multipliers(self) -> Multipliers:
-        """Multipliers by name, normalised as in (1.58)."""
-        from ..model.band import Multipliers
-
-        return Multipliers.from_vector(self.state.band, self.multipliers)
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,9 +10,8 @@ from functools import lru_cache
 import numpy as np
 
 from ..model.band import State
-from ..model.ends import finish_frame, start_frame
-from ..model.topology import Linking, linking_number, strip_turn
-from ..parts import CLAMPED, FREE, Ends
+from ..model.topology import Linking, linking_number, turn_of
+from ..parts import FREE
 from ..recipes.eversion import not_everted
 from ..solver.newton import Guard, Options
 from ..solver.status import STATIONARY, Result, Status
@@ -21,22 +20,6 @@ from .progress import Progress, Step, silence
 MOST_TURN = 1.0
 """Change of Tw + Wr of a strip, in turns, over one step, but for that of its twist: passing through makes
 2."""
-
-
-def turn_of(state: State) -> tuple[float, float]:
-    """Tw and Wr, in turns, of a strip with ends. Raises ValueError where they are not defined."""
-    ends = state.band.parts.ends
-    assert ends is not None
-    return _turn(state.u.tobytes(), state.g.tobytes(), ends, state.band.h)
-
-
-@lru_cache(maxsize=2)
-def _turn(u: bytes, g: bytes, ends: Ends, h: float) -> tuple[float, float]:
-    """The turns of what was seen last: the end of one step is where the next begins, and what is stored."""
-    start, finish = start_frame(ends), finish_frame(ends)
-    before = (start.tangent, start.ruling) if ends.start == CLAMPED else None
-    after = (finish.tangent, finish.ruling) if ends.end == CLAMPED else None
-    return strip_turn(np.frombuffer(u).reshape(-1, 3), np.frombuffer(g).reshape(-1, 3), before, after, h)
 
 
 def strip_guard(start: State) -> Guard | None:

@@ -13,11 +13,9 @@ from ..solver.newton import solve
 from ..solver.status import Status
 from ..store import Summary
 from .failure import Failure
-from .plan import MOST_HALVINGS
+from .plan import MOST_HALVINGS, STEPS
 from .records import constructed, multipliers_of, state_of
 from .walk import Ended, Stage, Walk
-
-STEPS = "`steps` of the recipe"
 
 
 def make(walk: Walk, making: Making, band: Band, before: Summary | None) -> Summary | Failure:

@@ -274,7 +274,7 @@ class Branches:
             points,
             end.reason.value,
             end.value if self.name == HALF_WIDTH else last.half_width,
-            f"{self._sentence(end)} {end.detail}".strip(),
+            end.message(self.name),
             self.name,
             None if self.name == HALF_WIDTH else end.value,
         )
@@ -344,11 +344,6 @@ class Branches:
 
     def _options_from(self, place: _Place) -> BranchOptions:
         return replace(self.options, guard=self._guard_from(place.record))
-
-    def _sentence(self, end: End) -> str:
-        if end.reason is Reason.RANGE and self.name != HALF_WIDTH:
-            return f"The end of the range of {self.name}."
-        return end.reason.sentence
 
 
 _SINGULAR = {

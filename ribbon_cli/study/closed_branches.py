@@ -36,7 +36,11 @@ def turns(record: StateRecord) -> bool:
 
 
 def repeated(met: Sequence[StateRecord]) -> StateRecord | None:
-    """The earlier turn that the last of a branch's turns repeats, if the one before it did so too."""
+    """The earlier turn that the last of a branch's turns repeats, if the one before it did so too.
+
+    A vertex counts once where its fold and the mode that crosses there are located apart by rounding.
+    """
+    met = [state for k, state in enumerate(met) if k == 0 or not _alike(met[k - 1], state)]
     if len(met) < 4:
         return None
     for k in range(1, len(met) - 2):

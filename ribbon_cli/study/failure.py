@@ -17,18 +17,16 @@ if TYPE_CHECKING:  # a finished run does without the solver
     from ..solver.status import Status
     from .walk import Ended
 
-_MORE = "more segments N (`segments`), or another recipe or state to start from"
+_MORE = "Take {}more segments N (`segments`), or another recipe or state to start from"
+_RESTS = "with `contact: forces` a band rests on itself and does not pass through"
 _REMEDIES = {
-    "left-topology": f"Take smaller steps{{}}, {_MORE}.",
-    "other-shape": f"Take smaller steps{{}}, {_MORE}.",
-    "stalled": f"Take smaller steps{{}}, {_MORE}.",
-    "iteration-limit": f"Take smaller steps{{}}, {_MORE}.",
-    "not-finite": f"Take smaller steps{{}}, {_MORE}.",
-    "left-branch": "Take smaller steps{}, or follow the branch by arclength.",
-    "gap-lost": f"Take smaller steps{{}}, {_MORE}.",
-    "no-rest": f"Take smaller steps{{}}, {_MORE}.",
+    **dict.fromkeys(("other-shape", "stalled", "iteration-limit", "not-finite"), f"{_MORE}."),
+    **dict.fromkeys(("gap-lost", "no-rest"), f"{_MORE}."),
+    "left-topology": f"{_MORE}; {_RESTS}.",
+    "left-branch": "Take {}or follow the branch by arclength.",
     "inverted-facet": "Take more segments N, or a narrower band.",
-    "saddle": "Another N may have a minimum; `widths: {{arclength: ...}}` goes on along saddles.",
+    "saddle": f"Another N may have a minimum; {_RESTS}. "
+    "`widths: {{arclength: ...}}` goes on along saddles.",
     "undecided": "`ribbon spectrum` shows the mode in question; another N may decide.",
 }
 """What to do about a solve that ended so, by the word of its status."""
@@ -53,14 +51,14 @@ class Failure:
     """A stage that was not reached: its kind, with the numbers of its sentence in `values`, and its status.
 
     `status` is None where nothing was solved, and `detail` then the whole message. `smaller` says where
-    smaller steps are had. `attempt` is the end of the solve where it is of use.
+    smaller steps are had, None where there are none. `attempt` is the end of the solve where it is of use.
     """
 
     kind: str
     status: Status | None
     detail: str
     values: Mapping[str, Any] = field(default_factory=dict)
-    smaller: str = ""
+    smaller: str | None = ""
     attempt: Ended | None = field(default=None, compare=False, repr=False)
 
     @property
@@ -79,7 +77,8 @@ class Failure:
         remedy = None if self.status is None else _REMEDIES.get(self.status.value)
         if remedy is None or self.kind in ("fold", "located"):
             return self.bare
-        return f"{self.bare} {remedy.format(f' ({self.smaller})' if self.smaller else '')}"
+        where = f" ({self.smaller})" if self.smaller else ""
+        return f"{self.bare} {remedy.format('' if self.smaller is None else f'smaller steps{where}, ')}"
 
 
 def way_facts(here: Mapping[str, float | None], target: Mapping[str, float]) -> dict[str, Any]:
@@ -118,7 +117,7 @@ def fold_facts(
     }
 
 
-def failure_of(state: Summary, stage: str, smaller: str = "") -> Failure:
+def failure_of(state: Summary, stage: str, smaller: str | None = "") -> Failure:
     """A state that was stored without a certificate, as the failure of its stage."""
     from ..solver.status import Status
 

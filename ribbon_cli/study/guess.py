@@ -27,7 +27,7 @@ from .acceptance import converged
 from .auxiliary import Turner, make
 from .failure import Failure
 from .given import Given
-from .plan import Goal, start_kind, start_name, start_width
+from .plan import Goal, start_kind, start_name, start_width, steps_of
 from .records import saddle_result, state_of
 from .stepping import all_the_way
 from .walk import Ended, Stage, Walk
@@ -158,9 +158,7 @@ def _freed(
             ):
                 # On its way down without contact the guess passes through itself.
                 return resting.let_down_from(walk, state, stage.name, method)
-            return Failure(
-                "solve", result.status, result.detail, {"stage": stage.name}, "`steps` of the recipe"
-            )
+            return Failure("solve", result.status, result.detail, {"stage": stage.name}, steps_of(config))
         closing = () if given is None or given.closing is None else (given.closing,)
         left = (event("saddle-left", index=s.index, energy=s.energy) for s in result.saddles)
         end = Ended(problem, result, method, (*closing, *left))

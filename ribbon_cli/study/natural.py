@@ -46,7 +46,7 @@ class Natural:
             if end is not None:
                 break
         end = end or End(Reason.RANGE, to)
-        message = f"{end.reason.sentence} {end.detail}".strip()
+        message = end.message(self.name)
         self.journal.note(f"{name} ends at {self.symbol} = {end.value:.12g}: {message}")
         points = tuple(course_point(record, kind) for record, kind in self.met)
         last = self.met[-1][0] if self.met else self.start

@@ -20,6 +20,8 @@ SPECTRUM_SECONDS = 4e-8
 """Costs seen on a 2.6 GHz core: a stage with its certificate and file, Newton steps (linear in N), and a
 full spectrum (cubic in N). They make an estimate, not a promise."""
 
+STEPS = "`steps` of the recipe"
+"""Where a way to the first state has its steps, for those that have any."""
 LARGE = 6400
 MEMORY_PER_SEGMENT = 36 * 1024
 """Segments from which the cost of a level is worth a remark, and the bytes a segment that its solve takes at
@@ -151,6 +153,11 @@ def start_name(config: Config) -> str:
     """The stage that frees the initial guess."""
     recipe = config.guess.recipe
     return "given state" if recipe == "state" else RECIPES[recipe].freed
+
+
+def steps_of(config: Config) -> str | None:
+    """Where a config has smaller steps on the way to the first state; None where there are none."""
+    return STEPS if "steps" in config.guess.settings else None
 
 
 def start_width(config: Config, half_width: float) -> float:

@@ -15,7 +15,7 @@ from ..model.contact import self_contact
 from ..model.geometry import geometry
 from ..model.problem import Problem
 from ..model.reactions import Reactions, reactions
-from ..model.topology import linking_number, open_turn, writhe
+from ..model.topology import linking_number, open_turn, turn_of, writhe
 from ..model.touching import Shape, excluded_distance
 from ..model.touching_audit import audit
 from ..model.touching_gaps import Pairs
@@ -27,7 +27,6 @@ from ..solver.resting_set import Rest, rest_at
 from ..solver.spectra import Spectrum, full_spectra, lowest_spectra
 from ..solver.status import Result, SaddleMet, Status
 from ..store import BranchRecord, Contacts, SpectrumRecord, StateRecord, Summary, encoded
-from .acceptance import turn_of
 from .clock import Clock
 
 

@@ -25,7 +25,7 @@ from .config_changes import what_changed
 from .failure import Failure, failure_of
 from .journal import run_or_read
 from .outcome import Course, Outcome, Target
-from .plan import Goal, goals, guess_notes, place_name, plan_of, refined_at, start_name
+from .plan import Goal, goals, guess_notes, place_name, plan_of, refined_at, start_name, steps_of
 from .progress import Progress, silence
 from .walk import Walk
 
@@ -37,7 +37,7 @@ else:
     contact, stepping = Later("ribbon_cli.study.contact"), Later("ribbon_cli.study.stepping")
     touch_down = Later("ribbon_cli.study.touch_down")
 
-_COMPUTING = (".guess", ".stepping", ".contact", ".touch_down", ".branch")
+_COMPUTING = ("..store.beside", ".guess", ".stepping", ".contact", ".touch_down", ".branch")
 """Modules that compute, with all that they import. A run that lasts takes them in at once: one that is first
 asked for hours later may be of another version by then, and no state would say so."""
 
@@ -177,7 +177,7 @@ class _Study:
                 f"give the config another name, or start over with --fresh",
             )
         if not self.walk.goes_on(record) and not self._kept(record):
-            self._stop_at(stage, record, "`steps` of the recipe")
+            self._stop_at(stage, record, steps_of(self.config))
         return record
 
     def _stored_start(self, stage: str) -> Summary | None:
@@ -332,7 +332,7 @@ class _Study:
         self.stopped = why
         self.journal.note(why)
 
-    def _stop_at(self, stage: str, record: Summary, steps: str = "") -> None:
+    def _stop_at(self, stage: str, record: Summary, steps: str | None = "") -> None:
         self._stop(failure_of(record, stage, steps).sentence)
 
     def _missed(self, place: Mapping[str, float], levels: Sequence[int], why: str | None = None) -> None:
