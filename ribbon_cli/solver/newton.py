@@ -315,7 +315,7 @@ class _Solve:
     def _exact(self, matrix: KKTMatrix) -> Factor:
         """Exact factors of a fine grid: those of a point before serve again, or there are new ones."""
         if self.search.exact is None:
-            matrix.pattern.idle.clear()  # which take as much memory
+            matrix.pattern.forget()  # which take as much memory
             self.search.exact = Factor(matrix, exact=True)
         return self.search.exact.serving(matrix)
 

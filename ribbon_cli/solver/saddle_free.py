@@ -209,13 +209,26 @@ def _lanczos(
             image = image - (known @ image) @ known
         beside[j] = np.linalg.norm(image)
         if j >= count and (j - count) % every == every - 1:
-            values, y = scipy.linalg.eigh_tridiagonal(
-                diagonal[: j + 1], beside[:j], select="i", select_range=(j + 1 - count, j), check_finite=False
-            )
+            values, y = _largest_of(diagonal[: j + 1], beside[:j], count)
             if (beside[j] * np.abs(y[-1]) <= tolerance * np.abs(values)).all():
                 return values, known.T @ y
         basis[j + 1] = image / beside[j]
     return None
+
+
+def _largest_of(diagonal: Array, beside: Array, count: int) -> tuple[Array, Array]:
+    """The `count` largest eigenpairs of a tridiagonal matrix, ascending: what `scipy.linalg.eigh_tridiagonal`
+    calls, which checks its arguments for longer."""
+    n = diagonal.size
+    lapack = scipy.linalg.lapack
+    found, values, blocks, ends, wrong = lapack.dstebz(
+        diagonal, beside, 2, 0.0, 1.0, n - count + 1, n, 0.0, "B"
+    )
+    vectors, failed = lapack.dstein(diagonal, beside, values[:found], blocks, ends)
+    if wrong or failed:
+        raise FactorisationError("Lanczos found no eigenvectors of its tridiagonal matrix")
+    order = np.argsort(values[:found])
+    return values[order], vectors[:, order]
 
 
 def newton_step(
