@@ -21,7 +21,7 @@ from ..model.band import Array
 from ..model.sparsity import IntArray
 
 KNOWN = ("0.1.7.post5", "0.1.9.post1")
-"""Versions of qdldl that were tried: their functions take whole numbers of 8 bytes, and booleans of 8 bytes at
+"""Versions of qdldl that were tried: their functions take whole numbers of 8 bytes, and booleans of 8 at
 most."""
 
 
