@@ -50,10 +50,13 @@ class Command:
 def whole_command(config: Path, runs: int) -> Command:
     """Solve a config by both programs in turn, each time into an empty folder.
 
+    Both have their byte code, as an installed package has; a first run of each, which compiles, is left out.
     Raises CalledProcessError where git or a command fails.
     """
     before, now = [], []
     with _checked_out(BEFORE) as old:
+        for package in (old, ROOT):
+            _solved(package, config)
         for _ in range(runs):
             before.append(_solved(old, config))
             now.append(_solved(ROOT, config))
@@ -78,6 +81,7 @@ def _solved(package: Path, config: Path) -> Cost:
     with tempfile.TemporaryDirectory() as runs:
         command = [sys.executable, "-c", _RUN, "-q", "solve", str(config), "--runs", runs]
         environment = {**os.environ, "PYTHONPATH": str(package)}
+        environment.pop("PYTHONDONTWRITEBYTECODE", None)
         began = time.perf_counter()
         process = subprocess.Popen(command, cwd=package, env=environment, stdout=subprocess.DEVNULL)
         _, status, used = os.wait4(process.pid, 0)

@@ -23,11 +23,15 @@ from ribbon_cli.recipes.cylinder import cylinder
 from ribbon_cli.solver.continuation import to_segments
 from ribbon_cli.solver.newton import Options
 from ribbon_cli.solver.prolongation import phase_of, smooth
+from ribbon_cli.solver.spectra import lowest_spectrum
+from ribbon_cli.solver.status import Result
 
 Facts = dict[str, float | str]
 
 REPEATS = {800: 5, 3200: 3}
 """How often a level is repeated up to so many segments; it is done once on finer grids."""
+MODES, MODES_AT = 12, 3200
+"""How many of the lowest modes are looked for, and on which grid."""
 
 
 def peak() -> float:
@@ -74,6 +78,7 @@ def ours(coarse: State, segments: int, fine: Path) -> Facts:
         if repeat == 0:
             after = peak()
     keep(result.state, fine)
+    modes = {"modes": _modes(result)} if segments == MODES_AT else {}
     return {
         "before": before,
         "after": after,
@@ -81,7 +86,20 @@ def ours(coarse: State, segments: int, fine: Path) -> Facts:
         "step": statistics.median(steps),
         "steps": move.steps,
         "energy": result.energy,
+        **modes,
     }
+
+
+def _modes(result: Result) -> float:
+    """Median seconds of a state's lowest modes in one metric, with the count that none is missing."""
+    seconds = []
+    for _ in range(REPEATS[MODES_AT]):
+        problem = Problem(result.state.band)
+        began = time.perf_counter()
+        local = problem.local_derivatives(result.x, result.multipliers)
+        lowest_spectrum(problem, result.x, local, "physical", MODES)
+        seconds.append(time.perf_counter() - began)
+    return statistics.median(seconds)
 
 
 def _watch(times: list[float]) -> Callable[[int, float, float], None]:

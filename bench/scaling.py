@@ -36,7 +36,8 @@ memory, and memory in KiB a segment on grids of so many."""
 @dataclass(frozen=True)
 class Level:
     """What a level costs: `seconds` with start and certificate, `step` those of a Newton step, MiB by which
-    peak memory `grown` and the `whole` of the process. `failed` is the peer's status where it failed."""
+    peak memory `grown` and the `whole` of the process. `failed` is the peer's status where it failed. `modes`
+    are the seconds of the lowest modes, on one grid."""
 
     segments: int
     seconds: float
@@ -46,6 +47,7 @@ class Level:
     whole: float
     energy: float
     failed: str = ""
+    modes: float | None = None
 
     @property
     def share(self) -> float:

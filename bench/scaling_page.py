@@ -7,6 +7,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 
 from .document import Part
+from .level import MODES
 from .scaling import EXPONENT, FIT_FROM, GIB, KIB, KIB_FROM, SECONDS, Level, Scaling
 from .tables import Rule, milliseconds, table
 
@@ -42,6 +43,11 @@ def _rules(found: Scaling) -> list[Rule]:
         for level in found.ours
         if level.segments == 3200
     ]
+    out += [
+        (f"its {MODES} lowest modes within a second: {level.modes:.2f} s", level.modes < 1)
+        for level in found.ours
+        if level.modes is not None
+    ]
     return out
 
 
@@ -57,8 +63,9 @@ def _section(found: Scaling) -> str:
 
 The band of b = {found.half_width:g} is refined level by level. Each level is a process of its own, which
 begins with the stored state of the level before and has one thread. Its seconds hold prolongation,
-certificate and symbolic factorisation, but no files and no spectra. Its memory is by how much it raises the
-peak of a process that has everything loaded. A step is from one Newton iterate to the next: derivatives,
+certificate and symbolic factorisation, but no files and no spectra. The lowest modes are those of the
+physical metric, with the count that none is missing. Its memory is by how much it raises the peak of a
+process that has everything loaded. A step is from one Newton iterate to the next: derivatives,
 matrix, factors and solution. Medians of five runs up to N = 800, of three up to 3200. The peer begins with
 the same prolongation, in a process of its own; its building counts in memory alone. An iteration of it may
 take several factorisations, and on fine grids the start nearly meets its tolerance, which is not scaled with

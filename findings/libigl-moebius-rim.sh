@@ -27,7 +27,7 @@ ALONG, ACROSS = 60, 6
 
 
 def band(half_turns):
-    """A band about the unit circle, 0.6 wide. Its last piece ends at the first ruling, on a Moebius band turned round."""
+    """A band about the unit circle, 0.6 wide. A Moebius band meets its first ruling turned round."""
     angle, height = np.arange(ALONG) * 2 * np.pi / ALONG, np.linspace(-0.3, 0.3, ACROSS + 1)
     turn = half_turns * angle[:, None] / 2
     out = 1 + height * np.cos(turn)

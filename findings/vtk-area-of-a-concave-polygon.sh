@@ -1,11 +1,11 @@
 #!/bin/sh
-# Guess: the area of a flat polygon, such as the pattern of a curved strip, depends neither on whether it is convex nor on
-#   the point that comes first. PyVista triangulates concave polygons rightly.
+# Guess: the area of a flat polygon, such as the pattern of a curved strip, is right where it is concave too, and does
+#   not depend on the point that comes first. PyVista triangulates concave polygons rightly.
 # Version: vtk 9.7.2, pyvista 0.49.1, numpy 2.4.6.
 # Behaviour: vtkCellSizeFilter and vtkIntegrateAttributes (PyVista's area, compute_cell_sizes and integrate_data) add
-#   the triangles from the first point to each edge, all with positive sign. The area of a half ring is 20 times too large,
-#   that of an L depends on the first point, and integrals of fields are wrong likewise, on concave quadrilaterals too.
-#   There is no message. vtkPolygon.ComputeArea is right.
+#   the triangles from the first point to each edge, all with positive sign. The area of a half ring is 20 times too
+#   large, and that of an L depends on the first point. Integrals of fields are wrong likewise, on concave
+#   quadrilaterals too. There is no message. vtkPolygon.ComputeArea is right.
 # What to do: triangulate() before any area or integral.
 # Seen:
 #   polygon                               exact   area  integral of 1  triangulated

@@ -25,7 +25,7 @@ from ribbon_cli.model.problem import Layout, Problem
 from ribbon_cli.model.sparsity import Scatter
 from ribbon_cli.model.stencil import Seam
 from ribbon_cli.model.term import Couplings
-from ribbon_cli.solver import continuation, inertia, kkt, linear, newton, pencil, spectra
+from ribbon_cli.solver import continuation, inertia, kkt, ldl, linear, newton, pencil, spectra
 from ribbon_cli.solver.continuation import to_segments
 from ribbon_cli.solver.inertia import BlockReduction, count_below
 from ribbon_cli.solver.kkt import KKTMatrix
@@ -213,7 +213,7 @@ def test_a_level_takes_one_exact_reduction_and_one_symbolic_factorisation(
         return counted
 
     monkeypatch.setattr(linear, "BlockReduction", counting("reductions", linear.BlockReduction))
-    monkeypatch.setattr(linear.qdldl, "Solver", counting("symbolic", linear.qdldl.Solver))
+    monkeypatch.setattr(ldl.qdldl, "Solver", counting("symbolic", ldl.qdldl.Solver))
     monkeypatch.setattr(newton._Solve, "_judge_fine", counting("judged", newton._Solve._judge_fine))
     found = to_segments(state, 200, replace(Options(), tolerance=1e-6)).result
     assert found.certified

@@ -10,8 +10,10 @@ from ribbon_cli.model import folding
 from ribbon_cli.model.energy import REPEATED_UP_TO, coth_factor
 from ribbon_cli.model.problem import Problem
 from ribbon_cli.model.sparsity import Scatter
+from ribbon_cli.solver import ldl
 from ribbon_cli.solver.linear import Factor
 from ribbon_cli.solver.newton import _normal_factor, solve
+from ribbon_cli.solver.resting_kkt import kkt_matrix
 
 
 def test_a_solve_evaluates_and_factors_once_a_step(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -38,13 +40,18 @@ def test_a_solve_evaluates_and_factors_once_a_step(monkeypatch: pytest.MonkeyPat
     assert counts == {"local_derivatives": steps + 2, "lagrangian_gradient": steps + 1, "_factor": steps + 1}
 
 
-def test_pivots_of_normal_matrices_are_not_looked_at() -> None:
-    """They come with a copy of the factors, and none of a quasi-definite matrix is zero."""
+def test_pivots_of_normal_matrices_are_not_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
+    """They come with a copy of the factors in qdldl's own object, and none of a quasi-definite matrix is
+    zero."""
+    monkeypatch.setattr(ldl, "_library", lambda: None)
     state, _ = load("pi-b0.5-N50")
     problem, x = Problem(state.band), state.vector()
     local = problem.local_derivatives(x, None)
+    kkt_matrix(problem, local, np.zeros((problem.size, 0))).pattern.forget()
     _normal_factor(problem, x, local)  # the second one updates its symbolic factorisation
-    assert _normal_factor(problem, x, local)._known is None
+    solver = _normal_factor(problem, x, local)._solver
+    assert isinstance(solver, ldl.Objects)
+    assert solver._pivots is None
 
 
 @pytest.mark.parametrize("most", [1, 2, 4, 9])
@@ -73,3 +80,19 @@ def test_closing_moves_no_ruling_and_knows_fold_angles_alone() -> None:
     assert np.array_equal(again, residual)
     assert np.array_equal(part, whole[:, :50])
     assert np.array_equal(folding.close(bent, -1).eta, fold.eta)
+
+
+def test_closing_makes_no_jacobian_of_what_is_closed(monkeypatch: pytest.MonkeyPatch) -> None:
+    counts = {"_closed_frames": 0, "_closure_rows": 0}
+    for name in counts:
+
+        def counted(
+            *given: object, name: str = name, call: object = getattr(folding, name), **more: object
+        ) -> object:
+            counts[name] += 1
+            return call(*given, **more)  # type: ignore[operator]
+
+        monkeypatch.setattr(folding, name, counted)
+    fold = folding.from_state(load("pi-b0.5-N50")[0])
+    folding.close(folding.Folding(fold.theta * 1.001, fold.eta), -1)
+    assert counts["_closed_frames"] == counts["_closure_rows"] + 1 > 2

@@ -202,6 +202,22 @@ def test_planar_curves_do_not_writhe(seed: int) -> None:
     assert writhe(closed_tangents(flat) @ rotation(seed), 0.1) == pytest.approx(0, abs=1e-11)
 
 
+@pytest.mark.parametrize("seed", range(20))
+def test_every_pair_of_edges_that_can_meet_is_looked_at(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    count = int(random.integers(4, 90))
+    edges = random.standard_normal((count, 2)) * random.choice([0.01, 1.0], size=(count, 1))
+    edges -= edges.mean(axis=0)
+    starts = np.cumsum(edges, axis=0) * random.choice([0.1, 1.0])
+    found = list(zip(*(a.tolist() for a in topology._near_pairs(starts, edges)), strict=True))
+    assert len(set(found)) == len(found)
+    middles = starts + edges / 2
+    apart = np.linalg.norm(middles[:, None] - middles, axis=2)
+    near = apart <= np.linalg.norm(edges, axis=1).max()
+    for i, j in np.argwhere(np.triu(near, 2)).tolist():
+        assert (i, j) in found or j - i == count - 1
+
+
 def test_straight_runs_of_edges_are_no_crossings() -> None:
     side = np.repeat(np.array([[1.0, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0]]), 25, axis=0)
     for seed in range(20):

@@ -61,9 +61,15 @@ class Bending(Term):
         """Energies (M,), gradients (14, M) and, if wanted, Hessians (14, 14, M)."""
         return energy_derivatives(self.band, local, with_hessian=with_hessian, cells=self.cells)
 
-    def fill(self, local: Array, gradient: Array, hessian: Array | None) -> Array:
+    def fill(
+        self,
+        local: Array,
+        gradient: Array,
+        hessian: Array | None,
+        known: tuple[Array, Array, Array] | None = None,
+    ) -> Array:
         """The same, put into a gradient and a Hessian of zeros; returns the energies (M,)."""
-        return fill_energy_derivatives(self.band, local, gradient, hessian, self.cells)
+        return fill_energy_derivatives(self.band, local, gradient, hessian, self.cells, known)
 
     def rate(self, parameter: str, local: Array) -> tuple[float, Array]:
         """By the half-width, to which the energy is proportional."""

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .band import Array, Band
-from .stencil import G1, SIZE, U0, G, U, X, diagonal, dot, norms
+from .stencil import G1, SIZE, U0, G, U, X, diagonal
 
 PER_NODE = 5
 
@@ -33,14 +33,30 @@ def sech_squared(xi: Array) -> Array:
 
 
 class NodeConstraints:
-    """The constraints at local vectors (14,N) and their derivatives, what they share computed once."""
+    """The constraints at local vectors (14,N) and their derivatives, what they share computed once.
+
+    The energy shares `fold` (3,N), u_i - u_{i-1}, its square `fold_square` (N,) and that of g_i,
+    `ruling_square` (N,).
+    """
 
     def __init__(self, band: Band, local: Array) -> None:
         self.local = local
         self.ratio = band.half_width / band.h
-        self._tangent = dot(local[G], local[U])
-        self._turned = _turned(local)
-        self._along = local[G1] - local[G]
+        vectors = np.empty((_TURNED.stop, local.shape[1]))
+        vectors[:SIZE] = local
+        self.fold = np.subtract(local[U], local[U0], out=vectors[_FOLD])
+        self._along = np.subtract(local[G1], local[G], out=vectors[_ALONG])
+        self._turned = vectors[_TURNED]
+        a, b, c, d = local.take(_CROSSED, axis=0).reshape(4, 9, -1)
+        np.multiply(a, b, out=self._turned)
+        self._turned -= c * d
+        # All scalar products at once: numpy's calls take longer than the numbers.
+        products = vectors.take(_FACTORS[0], axis=0)
+        products *= vectors.take(_FACTORS[1], axis=0)
+        each = products.reshape(len(_DOTS), 3, -1)
+        self._dots = each[:, 0] + each[:, 1]
+        self._dots += each[:, 2]
+        self.fold_square, self.ruling_square, self._tangent = self._dots[:3]
 
     @cached_property
     def _tanh(self) -> Array:
@@ -53,15 +69,13 @@ class NodeConstraints:
 
     def values(self) -> Array:
         """The constraints (5,N), unweighted as written above; dimensionless."""
-        local = self.local
-        u, g = local[U], local[G]
-        out = np.empty((PER_NODE, local.shape[1]))
-        out[:2] = norms(local[U.start : G.stop])
-        out[1] -= self._tangent * self._tangent
+        _, g2, gu, u2, fold, turned, along = self._dots
+        out = np.empty((PER_NODE, g2.size))
+        out[0] = u2
+        np.subtract(g2, gu * gu, out=out[1])
         out[:2] -= 1.0
-        out[2] = dot(u - local[U0], g)
-        out[3] = dot(self._turned[6:], local[G1])
-        np.subtract(self.ratio * dot(u, self._along), self._tanh, out=out[4])
+        out[2], out[3] = fold, turned
+        np.subtract(self.ratio * along, self._tanh, out=out[4])
         return out
 
     def fill_jacobian(self, out: Array) -> None:
@@ -73,7 +87,7 @@ class NodeConstraints:
         np.multiply(2.0, g - gu * u, out=out[1, G])
         out[2, U] = g
         np.negative(g, out=out[2, U0])
-        np.subtract(u, local[U0], out=out[2, G])
+        out[2, G] = self.fold
         out[3, U.start : G1.stop] = self._turned
         np.multiply(k, self._along, out=out[4, U])
         np.multiply(k, u, out=out[4, G1])
@@ -105,16 +119,8 @@ class NodeConstraints:
         hessian[X, X] += 2.0 * weight[4] * self._tanh * self._sech_squared
 
 
-def _turned(local: Array) -> Array:
-    """g_i x g_{i+1}, g_{i+1} x u_i and u_i x g_i (9,N), the gradient of (u_i x g_i).g_{i+1}."""
-    a, b, c, d = local[_CROSSED].reshape(4, 9, -1)
-    out: Array = a * b
-    out -= c * d
-    return out
-
-
 def _crossed() -> NDArray[np.intp]:
-    """The components (36,) of the local vector in the products of `_turned`."""
+    """The components (36,) of the local vector in the products of g_i x g_{i+1}, g_{i+1} x u_i, u_i x g_i."""
     first, second = np.array([1, 2, 0]), np.array([2, 0, 1])
     pairs = ((G, G1), (G1, U), (U, G))
     rows = ((first, second), (second, first))
@@ -135,5 +141,11 @@ def _crosses() -> tuple[NDArray[np.intp], NDArray[np.intp], Array]:
     return np.array(at), np.array(of), np.array(signs)[:, None]
 
 
+# What scalar products are taken of: the local vector, u_i - u_{i-1}, g_{i+1} - g_i, and the gradient (9,N) of
+# (u_i x g_i).g_{i+1}, that is g_i x g_{i+1}, g_{i+1} x u_i and u_i x g_i.
+_FOLD, _ALONG, _TURNED = slice(SIZE, SIZE + 3), slice(SIZE + 3, SIZE + 6), slice(SIZE + 6, SIZE + 15)
+_ACROSS = slice(_TURNED.stop - 3, _TURNED.stop)
+_DOTS = ((_FOLD, _FOLD), (G, G), (G, U), (U, U), (_FOLD, G), (_ACROSS, G1), (U, _ALONG))
+_FACTORS = [np.concatenate([np.arange(pair[k].start, pair[k].stop) for pair in _DOTS]) for k in (0, 1)]
 _CROSSED = _crossed()
 _CROSS_AT, _CROSS_OF, _CROSS_SIGNS = _crosses()

@@ -124,13 +124,23 @@ def energy_derivatives(
 
 
 def fill_energy_derivatives(
-    band: Band, local: Array, gradient: Array, hessian: Array | None, cells: Array | float = 1.0
+    band: Band,
+    local: Array,
+    gradient: Array,
+    hessian: Array | None,
+    cells: Array | float = 1.0,
+    known: tuple[Array, Array, Array] | None = None,
 ) -> Array:
-    """The same, put into a gradient and a Hessian of zeros; returns the energies (N,)."""
+    """The same, put into a gradient and a Hessian of zeros; returns the energies (N,).
+
+    `known` are u_i - u_{i-1} (3,N), its square (N,) and that of g_i (N,), where there are such.
+    """
     k = band.half_width / band.h * cells
-    d = local[U] - local[U0]
     ruling = local[G]
-    d2, g2 = dot(d, d), dot(ruling, ruling)
+    if known is None:
+        d = local[U] - local[U0]
+        known = d, dot(d, d), dot(ruling, ruling)
+    d, d2, g2 = known
     kq = 0.5 * k * d2
     r = g2 * g2
     f, f1, f2 = _xi_factor(band, local)

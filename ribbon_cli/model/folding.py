@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .band import Array, Band, State
+from .stencil import cross_rows
 
 XI_ROUNDOFF = 4.0
 """Roundoff of b eta', in units of eps (b/h) (|g_i| + |g_{i+1}|): three products of differences."""
@@ -81,7 +82,7 @@ def angles(before: Array, after: Array, g: Array) -> Array:
     """Fold angles (n,) about rulings g (n,3) from the facets' normals before them to those after, (n,3)
     each."""
     axis = g / np.linalg.norm(g, axis=1)[:, None]
-    turned = np.einsum("ij,ij->i", np.cross(before, after), axis)
+    turned = np.einsum("ij,ij->i", cross_rows(before, after), axis)
     out: Array = np.arctan2(turned, np.einsum("ij,ij->i", before, after))
     return out
 
@@ -90,7 +91,7 @@ def facet_frames(state: State) -> Array:
     """Frames (N,3,3) of the facets, columns t = u, n = b x t, b = the ruling's part normal to u."""
     b = state.g - np.einsum("ij,ij->i", state.g, state.u)[:, None] * state.u
     b = b / np.linalg.norm(b, axis=1)[:, None]
-    return np.stack((state.u, np.cross(b, state.u), b), axis=2)
+    return np.stack((state.u, cross_rows(b, state.u), b), axis=2)
 
 
 def closure(folding: Folding, sigma: int, *, by_eta: bool = True) -> tuple[Array, Array]:
@@ -100,16 +101,30 @@ def closure(folding: Folding, sigma: int, *, by_eta: bool = True) -> tuple[Array
     The frame after fold 1 at the far end must be facet 1's with normal and binormal times sigma.
     The full 3x3 mismatch is used since its skew part also vanishes at half-turns.
     """
-    n = folding.theta.size
+    residual, ends = _closed_frames(folding, sigma)
+    return residual, _closure_rows(folding, ends, by_eta=by_eta)
+
+
+def _closed_frames(folding: Folding, sigma: int) -> tuple[Array, tuple[Array, Array, Array]]:
+    """The residual (12,); the frames (N,3,3), those (N,3,3) that folds start from, and the end's (3,3)."""
     turn = np.diag([1.0, sigma, sigma])
     r = rotations(folding.theta, folding.eta)
-    f = frames(folding, np.eye(3))
-    end = f[-1] @ turn @ r[0]
+    first = r[0].copy()
+    r[0] = np.eye(3)
+    f = _scan(r)
     before = np.roll(f, 1, axis=0)
     before[0] = f[-1] @ turn
+    end = before[0] @ first
+    residual = np.concatenate(((end - np.eye(3)).ravel(), f[:, :, 0].mean(axis=0)))
+    return residual, (f, before, end)
+
+
+def _closure_rows(folding: Folding, ends: tuple[Array, Array, Array], *, by_eta: bool) -> Array:
+    """The Jacobian of `closure`, whose frames these are."""
+    n = folding.theta.size
+    f, before, end = ends
     spin = np.ascontiguousarray(spins(before, folding, by_eta=by_eta).transpose(2, 1, 0))
-    tangent = f[:, :, 0]
-    downstream = np.cumsum(tangent[::-1], axis=0)[::-1] / n
+    downstream = np.cumsum(f[::-1, :, 0], axis=0)[::-1] / n
     downstream[0] = 0.0  # fold 1 is the last one met, no tangent follows it
     # Each column of the frame, and the end of the midline, turn by spin x what they are.
     turning = np.empty((4, 3, *spin.shape[1:]))
@@ -117,9 +132,7 @@ def closure(folding: Folding, sigma: int, *, by_eta: bool = True) -> tuple[Array
         turning[:3, i] = spin[j] * end[k][:, None, None]
         turning[:3, i] -= spin[k] * end[j][:, None, None]
         turning[3, i] = spin[j] * downstream[:, k] - spin[k] * downstream[:, j]
-    residual = np.concatenate(((end - np.eye(3)).ravel(), tangent.mean(axis=0)))
-    rows = np.concatenate((turning[:3].swapaxes(0, 1).reshape(9, -1), turning[3].reshape(3, -1)))
-    return residual, rows
+    return np.concatenate((turning[:3].swapaxes(0, 1).reshape(9, -1), turning[3].reshape(3, -1)))
 
 
 def spins(before: Array, folding: Folding, *, by_eta: bool = True) -> Array:
@@ -152,11 +165,12 @@ def close(folding: Folding, sigma: int, *, tolerance: float = 1e-13, steps: int 
     scale = 1.0 / folding.theta.size
     best = np.inf
     for _ in range(steps):
-        residual, jacobian = closure(current, sigma, by_eta=False)
+        residual, ends = _closed_frames(current, sigma)
         size = float(np.abs(residual).max())
         if size <= tolerance or (size < 1e-11 and size >= 0.5 * best):
             return current
         best = min(best, size)
+        jacobian = _closure_rows(current, ends, by_eta=False)
         step = scale * np.linalg.lstsq(jacobian * scale, -residual, rcond=1e-9)[0]
         limit = min(1.0, 0.3 / max(float(np.abs(step).max()), 1e-300))
         current = Folding(current.theta + limit * step, current.eta)

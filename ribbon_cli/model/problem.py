@@ -185,6 +185,9 @@ class Problem:
     where the midline ends, 3 but for a free end, and `target` (3,) where that is.
     """
 
+    xi_follows = False
+    """Whether steps in xi are taken as steps in tanh xi, and limit no step; see `solver.newton.followed`."""
+
     def __init__(self, band: Band, prescription: Prescription = FREE) -> None:
         self.band = band
         self.prescription = prescription
@@ -336,7 +339,7 @@ class Problem:
             self.gathered(all_derivatives[-1]),
             self._constraints(local, shared) * self.weights,
             all_derivatives[SIZE:-1].copy(),
-            all_derivatives.reshape(-1, local.shape[1])[_entry_places(couplings)],
+            all_derivatives.reshape(-1, local.shape[1]).take(_entry_places(couplings), axis=0),
             hessian_places(couplings),
         )
 
@@ -355,7 +358,9 @@ class Problem:
         band, seam = self.band, self.stencil
         out = np.zeros((SIZE + PER_NODE + 1, SIZE, local.shape[1]))
         hessian, jacobian, gradient = out[:SIZE], out[SIZE:-1], out[-1]
-        energy = float(self.bending.fill(local, gradient, None if multipliers is None else hessian).sum())
+        known = shared.fold, shared.fold_square, shared.ruling_square
+        filled = hessian if multipliers is not None else None
+        energy = float(self.bending.fill(local, gradient, filled, known).sum())
         for term in self.terms:
             energy += float(term.values(local).sum())
             gradient += term.gradient(local)
@@ -475,22 +480,34 @@ class Problem:
         axes = self._axes
         if axes is not None and not axes.shape[1]:
             return np.zeros((self.size, 0))
-        y = x.reshape(-1, 7)
-        spun = np.zeros((self.band.segments, 7, 3))
-        for first in (0, 3):
-            # Columns are e_k x v, that is -[v]x.
-            v = y[:, first : first + 3]
-            for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-                spun[:, first + i, j] = v[:, k]
-                spun[:, first + j, i] = -v[:, k]
-        out = spun if axes is None else spun @ axes
-        flat = out.reshape(self.size, -1)
-        flat[self.fixed] = 0.0
+        spun = np.zeros((self.band.segments, 21))
+        spun[:, _SPUN_AT] = x.reshape(-1, 7).take(_SPUN_OF, axis=1) * _SPUN_SIGNS
+        flat = spun.reshape(self.size, 3)
+        if axes is not None:
+            flat = flat @ axes
+        if self.any_fixed:
+            flat[self.fixed] = 0.0
         try:
             factor = np.linalg.cholesky(flat.T @ flat)
         except np.linalg.LinAlgError:
             return np.linalg.qr(flat)[0]
         return flat @ np.linalg.inv(factor).T
+
+
+def _spins() -> tuple[NDArray[np.intp], NDArray[np.intp], Array]:
+    """Where (12,) the moves of a node by unit rotations stand in (7,3) flat, of which of its seven unknowns
+    they are, and their signs: columns are e_k x v, that is -[v]x, of u and of g."""
+    found = [
+        (3 * (first + row) + column, first + k, sign)
+        for first in (0, 3)
+        for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1))
+        for row, column, sign in ((i, j, 1.0), (j, i, -1.0))
+    ]
+    at, of, signs = zip(*found, strict=True)
+    return np.array(at), np.array(of), np.array(signs)
+
+
+_SPUN_AT, _SPUN_OF, _SPUN_SIGNS = _spins()
 
 
 def _cross(v: Array) -> Array:

@@ -158,10 +158,13 @@ def cross(a: Array, b: Array) -> Array:
     return out
 
 
-def norms(a: Array) -> Array:
-    """Squares (k, N) of k vectors, stacked (3k, N)."""
-    each = (a * a).reshape(-1, 3, a.shape[1])
-    out: Array = each[:, 0] + each[:, 1] + each[:, 2]
+def cross_rows(a: Array, b: Array) -> Array:
+    """Vector products (N, 3), row by row; numpy's own takes several times as long on a few hundred rows."""
+    (a0, a1, a2), (b0, b1, b2) = a.T, b.T
+    out = np.empty_like(a)
+    out[:, 0] = a1 * b2 - a2 * b1
+    out[:, 1] = a2 * b0 - a0 * b2
+    out[:, 2] = a0 * b1 - a1 * b0
     return out
 
 

@@ -19,13 +19,12 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from ..parts import CLAMPED, Ends
 from .band import Array, State
 from .ends import finish_frame, start_frame
-from .stencil import dot
+from .stencil import cross_rows, dot
 
 IntArray = NDArray[np.intp]
 
@@ -252,14 +251,28 @@ def _signed_crossings(u: Array, p: Array, h: float, z: Array, basis: Array) -> i
 
 
 def _near_pairs(q: Array, e: Array) -> tuple[IntArray, IntArray]:
-    """Pairs i < j of plane segments q + [0, 1] e (N, 2) that can meet, neighbours on the curve left out."""
+    """Pairs i < j of plane segments q + [0, 1] e (N, 2) that can meet, neighbours on the curve left out.
 
-    # Two segments that meet have their middles no farther apart than half the sum of their lengths.
+    Two segments that meet have their middles no farther apart than half the sum of their lengths. So these
+    are put into squares with the longest as side, and each is paired with those that come after it in its own
+    square and the next one up, and with those in the three squares to the right.
+    """
     reach = float(_length(e).max()) * (1 + CROSSING_TOLERANCE)
-    pairs: IntArray = scipy.spatial.cKDTree(q + e / 2).query_pairs(reach, output_type="ndarray")
-    step = np.abs(pairs[:, 1] - pairs[:, 0])
-    pairs = pairs[(step > 1) & (step < len(q) - 1)]
-    return pairs[:, 0], pairs[:, 1]
+    middles = q + e / 2
+    column, row = np.floor((middles - middles.min(axis=0)) / reach).astype(np.int64).T
+    high = int(row.max()) + 2  # one row stays empty, so that no square is above the last of a column
+    square = column * high + row
+    order = np.argsort(square, kind="stable")
+    squares, count = square[order], len(q)
+    own = np.arange(count)
+    starts = np.concatenate((own + 1, squares.searchsorted(squares + high - 1)))
+    sizes = squares.searchsorted(np.concatenate((squares + 1, squares + high + 1)), side="right") - starts
+    first = np.repeat(np.concatenate((own, own)), sizes)
+    second = np.arange(first.size) + np.repeat(starts - np.cumsum(sizes) + sizes, sizes)
+    one, other = order[first], order[second]
+    i, j = np.minimum(one, other), np.maximum(one, other)
+    apart = (j - i > 1) & (j - i < count - 1)
+    return i[apart], j[apart]
 
 
 def _same_side(x: Array, y: Array, tolerance: float) -> NDArray[np.bool_]:
@@ -282,7 +295,7 @@ def _frame_angles(u: Array, b: Array, sigma: int) -> Array:
             f"the facets at node {node} are folded back flat upon each other: no twist is defined"
         )
     carried = b_before - (_dot(u, b_before) / fold)[:, None] * (u_before + u)
-    angles: Array = np.arctan2(_dot(u, _cross(carried, b)), _dot(carried, b))
+    angles: Array = np.arctan2(_dot(u, cross_rows(carried, b)), _dot(carried, b))
     return angles
 
 
@@ -335,23 +348,13 @@ def _views() -> tuple[tuple[Array, Array], ...]:
     height = 1 - (k + math.exp(-1)) / DIRECTION_COUNT
     radius = np.sqrt(1 - height**2)
     z = np.column_stack((radius * np.cos(azimuth), radius * np.sin(azimuth), height))
-    x = _normalised(_cross(np.eye(3)[np.abs(z).argmin(axis=1)], z), "axis")
-    return tuple(zip(z, np.stack((x, _cross(z, x)), axis=2), strict=True))
+    x = _normalised(cross_rows(np.eye(3)[np.abs(z).argmin(axis=1)], z), "axis")
+    return tuple(zip(z, np.stack((x, cross_rows(z, x)), axis=2), strict=True))
 
 
 def _dot(a: Array, b: Array) -> Array:
     result: Array = np.einsum("ij,ij->i", a, b)
     return result
-
-
-def _cross(a: Array, b: Array) -> Array:
-    """Vector products, row by row; numpy's own takes several times as long on a few hundred rows."""
-    (a0, a1, a2), (b0, b1, b2) = a.T, b.T
-    out = np.empty_like(a)
-    out[:, 0] = a1 * b2 - a2 * b1
-    out[:, 1] = a2 * b0 - a0 * b2
-    out[:, 2] = a0 * b1 - a1 * b0
-    return out
 
 
 def _length(v: Array) -> Array:

@@ -12,7 +12,6 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
-import qdldl
 import scipy
 from numpy.typing import NDArray
 from scipy.sparse._sparsetools import csr_matvec
@@ -30,6 +29,7 @@ from ..model.problem import (
 )
 from ..model.sparsity import COMPACT_FROM, IntArray, Scatter, stretched
 from ..model.stencil import Seam, indices
+from .ldl import Ldl, Symbolic
 
 BLOCK = 7 + PER_NODE
 FINE = 3200
@@ -56,8 +56,8 @@ class Pattern:
     """The upper triangle's pattern and the way to the whole symmetric matrix; one for each N.
 
     `diagonal` are the places of the diagonal in the upper triangle's data, which becomes the whole matrix's
-    by data[whole_source]; the matrices are empty ones to fill. `idle` factorisations share this pattern's
-    symbolic one. `chains` are places of nodes in a row by their first node and their number.
+    by data[whole_source]; the matrices are empty ones to fill. `idle` factors share this pattern's `symbolic`
+    part. `chains` are places of nodes in a row by their first node and their number.
     """
 
     upper: Scatter
@@ -65,8 +65,14 @@ class Pattern:
     upper_matrix: scipy.sparse.csc_matrix
     whole_matrix: scipy.sparse.csr_matrix
     whole_source: IntArray
-    idle: list[qdldl.Solver] = field(default_factory=list)
+    symbolic: list[Symbolic] = field(default_factory=list)
+    idle: list[Ldl] = field(default_factory=list)
     chains: dict[tuple[int, int], list[Places]] = field(default_factory=dict)
+
+    def forget(self) -> None:
+        """Let symbolic factorisations go."""
+        self.symbolic.clear()
+        self.idle.clear()
 
 
 def _pattern(layout: Layout, rotations: int) -> Pattern:

@@ -14,11 +14,11 @@ from __future__ import annotations
 import weakref
 
 import numpy as np
-import qdldl
 
 from ..model.band import Array
 from .inertia import CONTRACTION, BlockReduction, Inertia, radius
 from .kkt import FINE, FactorisationError, KKTMatrix
+from .ldl import Ldl, factored_again, factors
 
 DELTA = 1e-8
 DELTA_GRID = 400
@@ -78,8 +78,7 @@ class Factor:
         self._fine = accelerated or matrix.size > 7 * DELTA_GRID
         self._base = regularisation or DELTA * max(1.0, matrix.size / (7 * DELTA_GRID))
         self._blocks: BlockReduction | None = None
-        self._known: Array | None = None
-        self._solver: qdldl.Solver | None = None
+        self._solver: Ldl | None = None
         self._found = False
         self._definite = definite and matrix.duals == matrix.border
         self._large = matrix.size > 7 * FINE
@@ -99,28 +98,27 @@ class Factor:
     def _factor(self, delta: float) -> None:
         """LDL^T with one regularisation; there is none if it meets a zero pivot."""
         self._delta = delta
-        self._known = None
         upper = self.matrix.regularised(self.shift, delta)
         try:
+            known = self.matrix.pattern.symbolic
             if self._solver is None:
-                self._solver = qdldl.Solver(upper, upper=True)
+                self._solver = factors(upper, known)
             else:
-                self._solver.update(upper, upper=True)
-                # qdldl 0.1.9: where a new solver raises for a zero pivot, an update ends there in silence.
-                if not self._definite:
-                    self._known = np.asarray(self._solver.factors()[1])
-            self._found = self._known is None or bool(self._known.all())
+                self._solver = factored_again(self._solver, upper, known, keep=not self._large)
+            # Counting pivots may take a copy of L.
+            self._found = self._definite or self._solver.positive() is not None
         except RuntimeError:
             self._found = False
 
     @property
-    def _pivots(self) -> Array | None:
-        """The pivots, None if one is zero; not looked at without need, since they come with a copy of L."""
-        if self._known is None and self._found:
-            assert self._solver is not None
-            self._known = np.asarray(self._solver.factors()[1])
-            self._found = bool(self._known.all())
-        return self._known if self._found else None
+    def _negative(self) -> int | None:
+        """How many pivots are negative, None if one is zero."""
+        if not self._found:
+            return None
+        assert self._solver is not None
+        positive = self._solver.positive()
+        self._found = positive is not None
+        return None if positive is None else self.matrix.size + self.matrix.border - positive
 
     def serving(self, matrix: KKTMatrix) -> Factor:
         """The same exact factors for another matrix of the pattern and the scaling, at a place nearby.
@@ -145,10 +143,8 @@ class Factor:
     @property
     def surplus(self) -> int:
         """Negative pivots beyond those of the multiplier block."""
-        pivots = None if self.exact else self._pivots
-        if pivots is None:
-            return self._reduced().negative
-        return int((pivots < 0).sum()) - int(self.matrix.duals)
+        negative = None if self.exact else self._negative
+        return self._reduced().negative if negative is None else negative - int(self.matrix.duals)
 
     def proves_minimum(self, like: KKTMatrix | None = None) -> bool:
         """Whether the pivots prove that the projected Hessian has no eigenvalue below `shift`."""
@@ -165,7 +161,7 @@ class Factor:
         """
         low, high = 0.0, np.inf
         for _ in range(PROOFS):
-            if self._pivots is None:
+            if self._negative is None:
                 return False
             sharp, few = self._contraction(like or self.matrix) < CONTRACTION, self.surplus <= count
             if sharp and few:
@@ -198,7 +194,7 @@ class Factor:
     def _inverse(self, v: Array) -> Array:
         """Apply (L D L^T)^-1."""
         assert self._solver is not None
-        return np.asarray(self._solver.solve(v))
+        return self._solver.solve(v)
 
     def _product(self, v: Array) -> Array:
         out = self.matrix.product(v)

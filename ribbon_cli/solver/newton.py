@@ -52,6 +52,8 @@ class Options:
 
 
 SHORTEST = 2.0**-14
+MOST_XI = 1.0
+"""Change of xi in one step, where it limits no other."""
 GUARD_FROM = 0.5
 GUARD_STRICTLY = 5e-2
 """Change since the guard was last asked from which it is asked again; the end always is.
@@ -135,6 +137,24 @@ def change(x: Array, step: Array) -> float:
     return math.sqrt(max(tangents.max(), rulings.max(), 0.0625 * s[:, 6].max()))
 
 
+def turned(x: Array, step: Array) -> float:
+    """The same without xi, which in flat fans says nothing of the shape."""
+    s, y = (step * step).reshape(-1, 7), (x * x).reshape(-1, 7)
+    rulings = (s[:, 3] + s[:, 4] + s[:, 5]) / (y[:, 3] + y[:, 4] + y[:, 5])
+    return math.sqrt(max((s[:, 0] + s[:, 1] + s[:, 2]).max(), rulings.max()))
+
+
+def followed(x: Array, step: Array) -> Array:
+    """The place (7N,) a step away, with each xi changed by `MOST_XI` at most.
+
+    Where a facet is nearly a triangle xi hardly shows in the shape, and steps in it are too long by orders of
+    magnitude. They are cut short one by one, and the rest of the shape does not wait for them.
+    """
+    out: Array = x + step
+    out[6::7] = x[6::7] + np.clip(step[6::7], -MOST_XI, MOST_XI)
+    return out
+
+
 class _Search:
     """Step acceptance by the exact penalty f + sum nu_k |c_k| with second-order correction."""
 
@@ -214,6 +234,8 @@ class _Solve:
         self.lowest = 0.0
         self.left = np.inf
         self.last: Iterate
+        self._size: Callable[[Array, Array], float] = turned if problem.xi_follows else change
+        self._moved: Callable[[Array, Array], Array] = followed if problem.xi_follows else np.add
 
     def run(self, x: Array, multipliers: Array | None) -> Result:
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
@@ -293,7 +315,7 @@ class _Solve:
     def _exact(self, matrix: KKTMatrix) -> Factor:
         """Exact factors of a fine grid: those of a point before serve again, or there are new ones."""
         if self.search.exact is None:
-            matrix.pattern.idle.clear()  # which take as much memory
+            matrix.pattern.forget()  # which take as much memory
             self.search.exact = Factor(matrix, exact=True)
         return self.search.exact.serving(matrix)
 
@@ -423,7 +445,7 @@ class _Solve:
         self.trouble = (Status.STALLED, "")
         self.search.leave(point.x)
         self.search.raise_penalty(found.multipliers)
-        size = change(point.x, found.step)
+        size = self._size(point.x, found.step)
         if not np.isfinite(size):
             self.trouble = (Status.NOT_FINITE, "")
             return None
@@ -442,7 +464,7 @@ class _Solve:
         Valleys of sliding are curved: without several second-order corrections what remains of the
         constraints, times large multipliers, hides a fall of energy and only crawling steps pass.
         """
-        x = point.x + t * found.step
+        x = self._moved(point.x, t * found.step)
         if self.options.way is not None and not self.options.way(point.x, x):
             return None
         multipliers = point.multipliers + t * (found.multipliers - point.multipliers)
@@ -450,9 +472,9 @@ class _Solve:
         for corrections in range(MOST_CORRECTIONS + 1):
             if corrections:
                 extra = self.search.correct(point, x)
-                if not change(x, extra) <= self.options.step_limit:
+                if not self._size(x, extra) <= self.options.step_limit:
                     return None
-                x = x + extra
+                x = self._moved(x, extra)
             with np.errstate(over="ignore", invalid="ignore"):
                 trial = iterate_at(self.problem, x, multipliers)
             if not np.isfinite(trial.worst):

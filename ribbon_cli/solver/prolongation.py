@@ -12,7 +12,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy
@@ -20,10 +19,7 @@ import scipy
 from ..model import folding, strip_folding
 from ..model.band import Array, Band, State
 from ..model.folding import Folding
-from ..model.splines import seam_spline
-
-if TYPE_CHECKING:
-    from scipy.interpolate import CubicSpline
+from ..model.splines import PeriodicSpline, seam_spline
 
 NEAR_LIMIT = 0.9
 STEEPENING = 2.7
@@ -50,7 +46,7 @@ class Start:
     method: str
 
 
-def closed_spline(values: Array, length: float, first: float, sign: int) -> CubicSpline:
+def closed_spline(values: Array, length: float, first: float, sign: int) -> PeriodicSpline:
     """Cubic spline through (N,) values at first, first + h, ... with f(s + length) = sign f(s)."""
     n = values.size
     return seam_spline(values, first + length * np.arange((n if sign > 0 else 2 * n) + 1) / n, sign)
@@ -62,18 +58,18 @@ def inflections(kappa: Array, band: Band) -> Array:
     if float(np.abs(kappa).min()) > 0 and (np.sign(kappa) == np.sign(kappa[0])).all() and band.sigma > 0:
         return np.empty(0)
     spline = _curvature_spline(kappa, band)
-    roots = np.asarray(spline.roots(extrapolate=False))
+    roots = spline.roots()
     slopes = np.abs(spline(roots, 1)) > threshold
     return np.unique(np.round(roots[slopes & (roots < band.length * (1 - 1e-12))], 14))
 
 
-def _curvature_spline(kappa: Array, band: Band) -> CubicSpline:
+def _curvature_spline(kappa: Array, band: Band) -> PeriodicSpline:
     """The spline through curvatures (N,) at the nodes; inflections and new nodes are looked up on it."""
     return _known_spline(kappa.tobytes(), band.length, band.sigma)
 
 
 @lru_cache(maxsize=2)
-def _known_spline(kappa: bytes, length: float, sigma: int) -> CubicSpline:
+def _known_spline(kappa: bytes, length: float, sigma: int) -> PeriodicSpline:
     return closed_spline(np.frombuffer(kappa), length, 0.0, sigma)
 
 
@@ -157,7 +153,7 @@ def _sample(values: Array, first: float, band: Band, s: Array) -> Array:
     return _sampled(closed_spline(values, band.length, first, band.sigma), first, band, s)
 
 
-def _sampled(spline: CubicSpline, first: float, band: Band, s: Array) -> Array:
+def _sampled(spline: PeriodicSpline, first: float, band: Band, s: Array) -> Array:
     period = band.length if band.sigma > 0 else 2.0 * band.length
     out: Array = spline(first + (s - first) % period)
     return out

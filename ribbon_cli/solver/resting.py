@@ -38,6 +38,8 @@ GAP = "gap"
 class RestingProblem(Problem):
     """A problem with gaps of fixed pairs kept at `gap`; its multipliers (5N+3+k,) end with the forces."""
 
+    xi_follows = True
+
     def __init__(self, band: Band, pairs: Pairs, gap: float = 0.0) -> None:
         super().__init__(band)
         self.base = Problem(band)

@@ -33,6 +33,8 @@ class BarrierProblem(Problem):
     `near_by` are the lists of another barrier in whose place this one comes, of a longer reach.
     """
 
+    xi_follows = True
+
     def __init__(
         self, band: Band, reach: float, gap: float = 0.0, near_by: Surroundings | None = None
     ) -> None:
@@ -65,6 +67,7 @@ class BarrierProblem(Problem):
             return False
         # Vertices are linear in x: a part of a way meets nothing if all of it does so later only.
         move, ray = y - x, self._ray
+        move[6::7] = 0.0
         if ray is not None and ray[0] is x and ray[1].any():
             part = float(move @ ray[1]) / float(ray[1] @ ray[1])
             off = np.abs(move - part * ray[1]).max()

@@ -21,7 +21,7 @@ from ..model.touching_gaps import Pairs, places
 from ..model.touching_sides import Sides
 from .kkt import FactorisationError, KKTMatrix
 from .linear import Factor
-from .newton import Options, Stepper, change, iterate_at, solve
+from .newton import Options, Stepper, iterate_at, solve, turned
 from .resting import RestingProblem
 from .resting_kkt import RestingDerivatives, kkt_matrix
 from .status import STATIONARY, Iterate, Result, Status
@@ -38,6 +38,8 @@ DEPENDENT = 1e-9
 """Eigenvalue of the gaps' compliance, relative to the largest, below which gaps depend on each other."""
 SMALL = 1e-4
 """Force, as part of the largest, below which a pair does not push at first."""
+RUNS_AWAY = 100.0
+"""Force, as a multiple of the energy over the unit of length, from which a search leads nowhere."""
 SERVES = 1e-9
 """Depth, as part of l, up to which gaps without force leave those with it as they are."""
 
@@ -48,6 +50,10 @@ class NoRestError(Exception):
 
 class GapLostError(NoRestError):
     """A shape, or the way to it, passes through itself, or has features nearer than they are to be."""
+
+
+class AstrayError(NoRestError):
+    """A search went far from where it began: no other one from there will do."""
 
 
 class Exchange:
@@ -82,6 +88,8 @@ class Exchange:
                 best, stuck = np.inf, 0
             problem = RestingProblem(self.band, working, self.gap)
             point = iterate_at(problem, x, np.concatenate((own, pushing_forces)))
+            if not pushing_forces.max(initial=0.0) <= RUNS_AWAY * point.energy:
+                raise AstrayError(f"forces grow beyond {RUNS_AWAY * point.energy:.1e}")
             beside: Array | None = None
             if point.worst <= self.options.goal or (point.worst <= self.options.tolerance and stuck > 1):
                 result, beside = self._ended(problem, point)
@@ -96,8 +104,8 @@ class Exchange:
                 x, (own, pushing_forces) = following.x, problem.split(following.multipliers)
             if beside is not None:
                 x = beside
-            if change(start, x - start) > self.farthest:
-                raise NoRestError("the search goes somewhere else")
+            if turned(start, x - start) > self.farthest:
+                raise AstrayError("the search goes somewhere else")
             known = dict(zip(working.names(), pushing_forces.tolist(), strict=True))
         raise NoRestError(f"too many steps ({best:.1e}, {len(working)} gaps)")
 

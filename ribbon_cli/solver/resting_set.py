@@ -33,7 +33,16 @@ from .prolongation import divided
 from .resting import RestingProblem, resting_rates
 from .resting_barrier import BarrierProblem
 from .resting_certificate import PULLS, certified
-from .resting_exchange import OFF, Exchange, GapLostError, NoRestError, off_features, pushing
+from .resting_exchange import (
+    CROSSED,
+    OFF,
+    AstrayError,
+    Exchange,
+    GapLostError,
+    NoRestError,
+    off_features,
+    pushing,
+)
 from .resting_kkt import RestingDerivatives, kkt_matrix
 from .resting_shares import shared_anew
 from .status import STATIONARY, Result, Status
@@ -48,6 +57,8 @@ MOST_WAYPOINTS = 3
 """How often a way along which sheets slide is halved to see whether it passes through itself."""
 NEARLY_ON = 1e-2
 """How far off its features a place of contact may be for its force to be shared out to others."""
+SHY = 0.1
+"""Gap of sheets in the middle of a way, as part of the depth that it may have."""
 MOST_SADDLES = 3
 REACHES = (5e-4, 5e-5, 5e-6)
 """Reaches of the barrier, as parts of l, one after the other."""
@@ -236,25 +247,49 @@ def _pulls(problem: RestingProblem, result: Result) -> bool:
     return bool(len(forces) and forces.min() < -PULLS * max(1.0, float(forces.max())))
 
 
-def _passed(before: State, after: State, gap: float, slip: float, halvings: int = MOST_WAYPOINTS) -> float:
+def _passed(
+    before: State,
+    after: State,
+    gap: float,
+    slip: float,
+    halvings: int = MOST_WAYPOINTS,
+    sides: Sides | None = None,
+) -> float:
     """How deep the way from one shape to another passes through itself.
 
     Sheets that slide far on each other cut a curve short: of such a way the middle is opened, and both halves
-    are looked at.
+    are looked at. `sides` are those on which sheets are to stay, where they are known already.
     """
     motion = way_between(before, after, gap)
     met = motion.passages()
     depth, length = motion.depth(met) if len(met) else 0.0, after.band.length
     if depth <= slip * length or not halvings or before.band.segments != after.band.segments:
         return depth
-    band = Way.between(before.band, after.band).middle(before.band, after.band)
-    x, pairs = 0.5 * (before.vector() + after.vector()), met.pairs.unique()
+    if sides is None and not gap:
+        sides = Sides(Shape.of(before), Pairs.none())
     try:
-        middle = opened(Guess(before, band, x, None, pairs, np.empty(0), gap, math.inf), slip * length)
-    except NoRestError:
+        middle = _middle(before, after, gap, slip * length, sides or met.pairs.unique())
+    except (NoRestError, FactorisationError):
         return depth
-    first = _passed(before, middle, gap, slip, halvings - 1)
-    return first if first > slip * length else max(first, _passed(middle, after, gap, slip, halvings - 1))
+    first = _passed(before, middle, gap, slip, halvings - 1, sides)
+    if first > slip * length:
+        return first
+    return max(first, _passed(middle, after, gap, slip, halvings - 1, sides))
+
+
+def _middle(before: State, after: State, gap: float, slip: float, apart: Sides | Pairs) -> State:
+    """A shape half-way between two, in which sheets are on their sides, or pairs that passed apart. Raises
+    NoRestError, FactorisationError."""
+    band = Way.between(before.band, after.band).middle(before.band, after.band)
+    x = 0.5 * (before.vector() + after.vector())
+    if isinstance(apart, Pairs):
+        return opened(Guess(before, band, x, None, apart, np.empty(0), gap, math.inf), slip)
+
+    def near(x: Array) -> Pairs:
+        pairs, value = apart.near(Shape.of(State.from_vector(band, x)), CROSSED * band.length)
+        return pairs.take(value <= slip)
+
+    return State.from_vector(band, _apart(band, x, near, SHY * slip, SHY * slip))
 
 
 def found(rest: Rest, band: Band, by: float, along: Slopes | None, gap: float | None = None) -> Rest:
@@ -271,15 +306,18 @@ def found(rest: Rest, band: Band, by: float, along: Slopes | None, gap: float | 
     return _first_certified(ways)
 
 
-def _first_certified(ways: Iterable[Callable[[], Rest]]) -> Rest:
+def _first_certified(ways: Iterable[Callable[[], Rest]], astray: bool = False) -> Rest:
     """The first certified end of several ways, else the first end. Raises the last NoRestError where no way
-    ends."""
-    ends, why = [], NoRestError("")
+    ends, or, with `astray`, where the first goes astray."""
+    ends: list[Rest] = []
+    why = NoRestError("")
     for way in ways:
         try:
             end = way()
         except NoRestError as failure:
             why = failure
+            if astray and not ends and isinstance(failure, AstrayError):
+                break
             continue
         if end.result.certified:
             return end
@@ -329,7 +367,7 @@ def exchanged(guess: Guess) -> Rest:
     """The shape at rest near a place, with gaps exchanged on the way: a certified minimum if there is one,
     first where sheets slip off each other, then held at corners. Raises NoRestError."""
     held = (False,) if guess.gap else (False, True)
-    return _first_certified(partial(_exchanged, guess, corners) for corners in held)
+    return _first_certified((partial(_exchanged, guess, corners) for corners in held), astray=True)
 
 
 def _exchanged(guess: Guess, corners: bool) -> Rest:
@@ -447,12 +485,13 @@ def way_between(before: State, after: State, gap: float = 0.0) -> Motion:
     return Motion(first, last)
 
 
-def _apart(band: Band, x: Array, pairs: Pairs, gap: float, room: float) -> Array:
-    """The place near x on the constraints at which gaps are at least `gap`, to a part of `room`, by least
-    moves. Raises GapLostError where these lead off the constraints."""
-    problem = RestingProblem(band, pairs, gap)
-    base, n = problem.base, problem.size
+def _apart(band: Band, x: Array, listed: Pairs | Callable[[Array], Pairs], gap: float, room: float) -> Array:
+    """The place near x on the constraints at which gaps of pairs, which may be listed anew at each place, are
+    at least `gap`, to a part of `room`, by least moves. Raises GapLostError where these lead off the
+    constraints."""
     for _ in range(MOST_MOVES):
+        problem = RestingProblem(band, listed if isinstance(listed, Pairs) else listed(x), gap)
+        base, n = problem.base, problem.size
         away = problem.gaps(x).value - gap
         wrong = np.concatenate((base.constraints(x), np.minimum(away, 0.0)))
         if float(np.abs(wrong).max()) <= APART * room:
@@ -462,13 +501,13 @@ def _apart(band: Band, x: Array, pairs: Pairs, gap: float, room: float) -> Array
             kkt_matrix(base, base.local_derivatives(x, None), np.zeros((n, 0))).with_unit_metric()
         )
         p = normal.solve(np.concatenate((np.zeros(n), -base.weighted_constraints(x))))[:n]
-        if len(pairs):
+        if len(problem.pairs):
             assert isinstance(local, RestingDerivatives)
             assert local.touched is not None
             rows = problem.rows_of(local.touched.jacobian)
             p = p + _least_move(rows, away + rows @ p, normal, OPEN * room)
         x = x + min(1.0, 0.25 / max(change(x, p), 1e-300)) * p
-    if float(np.abs(base.constraints(x)).max()) > ASTRAY:
+    if float(np.abs(Problem(band).constraints(x)).max()) > ASTRAY:
         raise GapLostError("what passes through itself cannot be opened by small moves")
     return x
 
