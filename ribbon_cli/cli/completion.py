@@ -185,8 +185,8 @@ class Word(click.ParamType):  # type: ignore[type-arg]  # generic in new version
         """Offer the words."""
         return complete_words(self._words)(ctx, param, incomplete)
 
-    def get_missing_message(self, param: click.Parameter, ctx: click.Context | None) -> str:
-        """List the words."""
+    def get_missing_message(self, param: click.Parameter, ctx: click.Context | None = None) -> str:
+        """List the words; click before 8.2 gives no context."""
         return f"Choose one of {', '.join(self._words)}"
 
 

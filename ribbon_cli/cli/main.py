@@ -68,7 +68,7 @@ def cli() -> None:
 
 
 @click.command()
-@click.argument("shell", type=click.Choice(SHELLS), required=False)
+@click.argument("shell", type=click.Choice(SHELLS), required=False, metavar=f"[{'|'.join(SHELLS)}]")
 @common_options
 @pass_settings
 def completion(settings: Settings, shell: str | None) -> None:

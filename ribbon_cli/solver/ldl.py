@@ -20,8 +20,8 @@ import scipy
 from ..model.band import Array
 from ..model.sparsity import IntArray
 
-KNOWN = ("0.1.7.post5", "0.1.9", "0.1.9.post1")
-"""Versions of qdldl whose functions take what is handed over here: whole numbers and booleans of 8 bytes at
+KNOWN = ("0.1.7.post5", "0.1.9.post1")
+"""Versions of qdldl that were tried: their functions take whole numbers of 8 bytes, and booleans of 8 at
 most."""
 
 
