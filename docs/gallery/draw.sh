@@ -67,17 +67,18 @@ for picture in bifurcation strip-buckled strip-sheared strip-twisted strip-hangi
     small "$picture"
 done
 # The bands of docs/contact-gallery.md.
-for config in pi figure-eight 3pi 5pi 7pi; do
-    "$ribbon" -q solve "configs/contact/$config.yaml" > /dev/null
+for config in pi-400 figure-eight 3pi 5pi 7pi; do
+    # 3: some widths are undecided
+    "$ribbon" -q solve "configs/contact/$config.yaml" > /dev/null || [ $? -eq 3 ]
 done
-draw contact-pi contact-pi@b=1.5 shape --with contact-pi@b=1.65 --with contact-pi@b=1.76
-draw contact-pi-map contact-pi@b=1.65 contacts
-draw contact-pi-branch contact-pi branch
+draw contact-pi contact-pi-400@b=1.5 shape --with contact-pi-400@b=1.66 --with contact-pi-400@b=1.78
+draw contact-pi-map contact-pi-400@b=1.66 contacts
+draw contact-pi-branch contact-pi-400 branch
 draw contact-figure-eight contact-figure-eight@b=0.05 shape --with contact-figure-eight@b=0.3 --with contact-figure-eight@b=0.5 \
-    --with contact-figure-eight@b=0.8 --with contact-figure-eight@b=1.1
+    --with contact-figure-eight@b=0.8 --with contact-figure-eight@b=1.1 --with contact-figure-eight@b=1.4
 draw contact-figure-eight-branch contact-figure-eight branch
 draw contact-3pi contact-3pi@b=0.6 shape --with contact-3pi@b=0.67 --with contact-3pi@b=0.8 --with contact-3pi@b=1
-draw contact-5pi contact-5pi@b=0.1 shape --with contact-5pi@b=0.15 --with contact-5pi@b=0.2
+draw contact-5pi contact-5pi@b=0.1 shape --with contact-5pi@b=0.3 --with contact-5pi@b=0.5
 draw contact-7pi contact-7pi@b=0.1 shape --with contact-7pi@b=0.2 --with contact-7pi@b=0.25
 for picture in contact-pi contact-pi-map contact-pi-branch contact-figure-eight contact-figure-eight-branch contact-3pi contact-5pi contact-7pi; do
     small "$picture"
