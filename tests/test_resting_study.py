@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import shutil
 import signal
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,8 +15,11 @@ from cli_support import content_hashes, ribbon, ribbon_json, spawn, states_on_di
 from ribbon_cli.config import ConfigError, parse_config
 from ribbon_cli.model.touching import Shape
 from ribbon_cli.model.touching_audit import Motion, audit
-from ribbon_cli.study import solve_config
+from ribbon_cli.solver.status import Status
+from ribbon_cli.study import solve_config, touch_down
+from ribbon_cli.study.failure import Failure
 from ribbon_cli.study.records import state_of
+from ribbon_cli.study.stepping import step_to
 
 CONFIG = """\
 name: band
@@ -68,6 +72,27 @@ def test_touch_down_is_located_from_the_free_side(solved):
     assert told is not None
     assert float(told[1]) == pytest.approx(met.half_width, rel=1e-11)
     assert float(told[2]) <= 1e-6
+
+
+def test_touch_down_is_located_though_an_index_is_unknown(
+    solved, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+):
+    """On fine grids sliding may be too soft for a free state to settle: where it touches is known still."""
+    shutil.copytree(solved[1], tmp_path / "runs")
+    monkeypatch.chdir(tmp_path)
+
+    def undecided(*given):
+        end = step_to(*given)
+        if isinstance(end, Failure):
+            return end
+        result = replace(end.result, status=Status.UNDECIDED, negative=None, detail="(So soft.)")
+        return Failure("step", Status.UNDECIDED, result.detail, attempt=replace(end, result=result))
+
+    monkeypatch.setattr(touch_down, "step_to", undecided)
+    found = ribbon_json("continue", "band@b=1.5", "--to", "1.55", "--contact", "forces")
+    touch, end = found["points"]
+    assert (touch["type"], touch["status"], end["status"]) == ("touch", "undecided", "minimum")
+    assert touch["half_width"] == pytest.approx(TOUCH, abs=2e-6)
 
 
 def test_no_step_passes_through_the_band(solved):

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from ..facts import event
 from ..model.band import Array, State
 from ..parts import PARAMETERS
+from ..solver.status import Status
 from ..store import Summary
 from . import resting
 from .failure import Failure
@@ -123,6 +124,8 @@ def _solved(walk: Walk, start: _End, part: float, way: _Way, stage: str) -> _End
     assert walk.gap is not None
     target = way.at(part)
     end = step_to(walk, start.state, start.multipliers, target)
+    if isinstance(end, Failure) and end.status is Status.UNDECIDED and end.attempt is not None:
+        end = end.attempt  # where contact begins does not ask for its index, as where sliding is too soft
     if resting.passes(end, start.state, walk.gap):
         return _End(part, True, start.state, start.multipliers, end if isinstance(end, Ended) else None)
     if isinstance(end, Failure):
