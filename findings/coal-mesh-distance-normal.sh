@@ -2,8 +2,8 @@
 # Guess: after coal.distance() the normal of the result is the unit vector from the first shape to the second, for two
 #   meshes as for a mesh and a box; where it is not computed, it stays NaN as in a new result.
 # Version: coal 3.0.3, numpy 2.4.6.
-# Behaviour: for two meshes the distance and the nearest points are right, and the normal is overwritten by what
-#   was in memory: mostly numbers such as 7e-310, which pass for a null vector and add nothing to a sum of forces. The
+# Behaviour: for two meshes the distance and the nearest points are right, and the normal is overwritten by
+#   numbers that mean nothing, mostly such as 7e-310, which pass for a null vector and add nothing to a sum of forces. The
 #   normals of coal.collide() are set.
 # What to do: take the difference of the nearest points, divided by the distance.
 # Seen:
