@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any, TypeGuard
 
 from ribbon_cli.parts import HALF_WIDTH, PARAMETERS
-from ribbon_cli.store.summaries import Fields, Summary, are_texts, is_label
+from ribbon_cli.store.summaries import Fields, Summary, are_texts, fits, is_label
 
 _SHA256 = re.compile(r"[0-9a-f]{64}")
 _VERSION = re.compile(r"[1-9]\d{0,3}\.\d{1,4}")
@@ -222,7 +222,7 @@ def _ended(kind: str, time: str, document: dict[str, Any]) -> Ended:
 def _branch_end(kind: str, time: str, document: dict[str, Any]) -> BranchEnd:
     found = _BRANCH_END.checked(document, _MISSING)
     name, value = document.get("parameter", HALF_WIDTH), document.get("value")
-    if name not in PARAMETERS or not (value is None or type(value) in (int, float)):
+    if name not in PARAMETERS or not (value is None or (type(value) in _NUMBER and fits(value))):
         raise ValueError("parameter or value is of another type")
     return BranchEnd(kind, time, document, **found, parameter=name, value=value)
 

@@ -71,7 +71,7 @@ class Fields:
         floats, others = self._places(values, of)
         finite = math.isfinite(sum([values[k] for k in floats]))
         for k in others if finite else range(len(values)):
-            if not _fits(values[k]):
+            if not fits(values[k]):
                 raise ValueError(f"{self._names[k]} {of}")
         return zip(self._names, values, strict=True)
 
@@ -89,7 +89,7 @@ class Fields:
         return places
 
 
-def _fits(value: Any) -> bool:
+def fits(value: Any) -> bool:
     """Whether a value could be in a file: 1e999 could not."""
     if type(value) is float:
         return math.isfinite(value)
@@ -328,7 +328,7 @@ def _add_newer(document: dict[str, Any], values: dict[str, Any], of: str) -> Non
                 raise ValueError(f"a reaction {of}")
             numbers += vector
             values[name] = tuple(vector)
-    if not all(type(n) in _NUMBER and math.isfinite(n or 0.0) for n in numbers):
+    if not all(type(n) in _NUMBER and fits(n) for n in numbers):
         raise ValueError(f"parameters, bending_energy or a reaction {of}")
     values["others"] = {name: value for name, value in parameters.items() if name != HALF_WIDTH}
     if document.get("contacts") is not None:
