@@ -194,7 +194,7 @@ class Run:
         """Read a state.
 
         Raises UsageError for a label that the run does not have, StoreError when the file is not the one
-        committed.
+        committed, or holds another state than the log says.
         """
         return self.load_entry(self._entry(label))
 
@@ -242,20 +242,19 @@ class Run:
                 found[label] = "damaged"
         return found
 
-    def check_file(self, label: int) -> None:
-        """Check a state's file against the log and the log's summary against the file. Raises StoreError."""
-        entry = self._entry(label)
-        if Summary.of(self.load_entry(entry)) != entry.state:
-            raise StoreError(
-                f"{self.log_path}: its line on state {label} is not what {self.state_path(label)} holds"
-            )
-
     def load_entry(self, entry: Entry) -> StateRecord:
-        """Read the state of an entry; its hash is checked before HDF5 sees a byte. Raises StoreError."""
+        """Read the state of an entry; its hash is checked before HDF5 sees a byte, and the entry's summary
+        against what the file holds. Raises StoreError.
+        """
         path = self.state_path(entry.state.label)
         record = decode_bytes(self.committed_bytes(entry), str(path))
         if record.label != entry.state.label:
             raise StoreError(f"{path}: damaged: it holds state {record.label}")
+        if Summary.of(record) != entry.state:
+            raise StoreError(
+                f"{self.log_path}: its line on state {record.label} is not what {path.name} holds; "
+                f"`ribbon repair {named(self.path)}` rebuilds it"
+            )
         return record
 
     def committed_bytes(self, entry: Entry) -> bytes:

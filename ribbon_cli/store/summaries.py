@@ -9,7 +9,7 @@ from operator import itemgetter
 from typing import Any
 
 from ribbon_cli.facts import kinds_of
-from ribbon_cli.parts import CLOSED, HALF_WIDTH, PARAMETERS
+from ribbon_cli.parts import CLOSED, FREE, HALF_WIDTH, PARAMETERS, Ends, Parts
 from ribbon_cli.store.contacts import Contacts
 from ribbon_cli.store.layout import BRANCH, STATE, Dtype, Item
 from ribbon_cli.store.record import REACTIONS, StateRecord
@@ -120,6 +120,12 @@ _KEYS = tuple(
     dict.fromkeys("topology" if item.field in _TOPOLOGY else item.field for item in STATE if item.summary)
 )
 """Keys of every state's document but the last, in their order."""
+_PROBLEMS = ((1, CLOSED), (-1, CLOSED), (0, Parts(Ends())), (0, Parts(Ends(end=FREE))))
+_NAMES: dict[int, dict[frozenset[str], tuple[str, ...]]] = {}
+"""The names that `parameters` may have, by sigma, with those besides the half-width in their order."""
+for _sigma, _parts in _PROBLEMS:
+    _names = _parts.names(_sigma)
+    _NAMES.setdefault(_sigma, {})[frozenset(_names)] = _names[1:]
 _values = itemgetter(*(_TOPOLOGY[0] if key == "topology" else key for key in _KEYS))
 
 
@@ -249,6 +255,11 @@ class Summary:
             values |= dict.fromkeys(_TOPOLOGY, 0)
         else:
             values.update(_OF_TOPOLOGY.pairs(topology, of))
+            if values["sigma"] not in (1, -1):
+                raise ValueError(f"sigma {of}")
+        parent = values["parent"]
+        if parent is not None and not 0 < parent < document["label"]:
+            raise ValueError(f"state {parent}, the parent of state {document['label']}, is not earlier")
         _add_newer(document, values, of)
         values["events"] = tuple(values["events"])
         values["event_kinds"] = _kinds(document, values["events"], of)
@@ -312,15 +323,16 @@ def _add_newer(document: dict[str, Any], values: dict[str, Any], of: str) -> Non
 
     Raises ValueError unless they are numbers, or null.
     """
+    known = _NAMES[values["sigma"]]
     if "parameters" in document:
         parameters = document["parameters"]
     else:
-        names = CLOSED.names(values["sigma"])[1:]
-        parameters = {HALF_WIDTH: values["half_width"], **dict.fromkeys(names, 0.0)}
-    if not isinstance(parameters, dict) or not parameters.keys() <= PARAMETERS.keys():
+        parameters = {HALF_WIDTH: values["half_width"], **dict.fromkeys(next(iter(known.values())), 0.0)}
+    names = known.get(frozenset(parameters)) if isinstance(parameters, dict) else None
+    if names is None:
         raise ValueError(f"parameters {of}")
     bending = values["bending_energy"] = document.get("bending_energy", values["energy"])
-    numbers = [*parameters.values(), bending]
+    numbers = [bending]
     for name in REACTIONS:
         vector = document.get(name)
         if vector is not None:
@@ -328,9 +340,11 @@ def _add_newer(document: dict[str, Any], values: dict[str, Any], of: str) -> Non
                 raise ValueError(f"a reaction {of}")
             numbers += vector
             values[name] = tuple(vector)
-    if not all(type(n) in _NUMBER and fits(n) for n in numbers):
+    if None in parameters.values() or not all(
+        type(n) in _NUMBER and fits(n) for n in (*numbers, *parameters.values())
+    ):
         raise ValueError(f"parameters, bending_energy or a reaction {of}")
-    values["others"] = {name: value for name, value in parameters.items() if name != HALF_WIDTH}
+    values["others"] = {name: parameters[name] for name in names}
     if document.get("contacts") is not None:
         values.update(_OF_CONTACTS.pairs(document, of))
         if values["contacts"] < 0:
@@ -339,11 +353,8 @@ def _add_newer(document: dict[str, Any], values: dict[str, Any], of: str) -> Non
 
 def varying(states: Iterable[Summary]) -> tuple[str, ...]:
     """The parameters besides the half-width that have more than one value, in the order of their table."""
-    values: dict[str, set[float | None]] = {}
-    for state in states:
-        for name, value in state.others.items():
-            values.setdefault(name, set()).add(value)
-    return tuple(name for name in PARAMETERS if len(values.get(name, ())) > 1)
+    rows = {tuple(state.others.items()): state.others for state in states}.values()
+    return tuple(name for name in PARAMETERS if len({row.get(name) for row in rows}) > 1)
 
 
 def _of_contacts(contacts: Contacts | None) -> dict[str, Any]:
