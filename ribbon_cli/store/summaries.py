@@ -30,7 +30,11 @@ LABELS = 10**12
 """Bound of the labels that a line may name."""
 _LARGEST = 2**63
 """Bound of whole numbers, as in a file."""
-_POSITIVE = ("half_width", "segments", "length")
+_LARGEST_FLOAT = 1e100
+"""Bound of numbers, far beyond what a computation can end with: their products and ratios fit a float."""
+_FARTHEST = 1e30
+"""Bound of parameters and lengths, and of 1/lengths; configs admit 1e9."""
+_LENGTHS = ("half_width", "length")
 OF_CONTACTS: dict[str, Dtype] = {
     "contacts": "int64",
     "contact_force": "float64",
@@ -69,8 +73,8 @@ class Fields:
         except KeyError as error:
             raise ValueError(f"{error.args[0]} {of}") from None
         floats, others = self._places(values, of)
-        finite = math.isfinite(sum([values[k] for k in floats]))
-        for k in others if finite else range(len(values)):
+        fit = math.hypot(*[values[k] for k in floats]) <= _LARGEST_FLOAT
+        for k in others if fit else range(len(values)):
             if not fits(values[k]):
                 raise ValueError(f"{self._names[k]} {of}")
         return zip(self._names, values, strict=True)
@@ -90,9 +94,9 @@ class Fields:
 
 
 def fits(value: Any) -> bool:
-    """Whether a value could be in a file: 1e999 could not."""
+    """Whether a value could be a state's: 1e999 could not."""
     if type(value) is float:
-        return math.isfinite(value)
+        return abs(value) <= _LARGEST_FLOAT
     if type(value) is int:
         return -_LARGEST <= value < _LARGEST
     return type(value) is not list or are_texts(value)
@@ -247,9 +251,11 @@ class Summary:
         # Into one dictionary, which becomes the summary's own: a log has thousands.
         values = _UNKNOWN.copy()
         values.update(_OF_STATE.pairs(document, of))
-        for name in _POSITIVE:
-            if not (values[name] or 0) > 0:
-                raise ValueError(f"{name} of state {document['label']} is not positive")
+        if values["segments"] < 1:
+            raise ValueError(f"segments of state {document['label']} is not positive")
+        for name in _LENGTHS:
+            if not 1.0 / _FARTHEST <= (values[name] or 0) <= _FARTHEST:
+                raise ValueError(f"{name} of state {document['label']} is not positive, or beyond any length")
         topology = document.get("topology")
         if topology == _OPEN:
             values |= dict.fromkeys(_TOPOLOGY, 0)
@@ -340,8 +346,8 @@ def _add_newer(document: dict[str, Any], values: dict[str, Any], of: str) -> Non
                 raise ValueError(f"a reaction {of}")
             numbers += vector
             values[name] = tuple(vector)
-    if None in parameters.values() or not all(
-        type(n) in _NUMBER and fits(n) for n in (*numbers, *parameters.values())
+    if not all(type(n) in _NUMBER and fits(n) for n in numbers) or not all(
+        type(n) in (float, int) and abs(n) <= _FARTHEST for n in parameters.values()
     ):
         raise ValueError(f"parameters, bending_energy or a reaction {of}")
     values["others"] = {name: parameters[name] for name in names}
@@ -366,7 +372,8 @@ def _of_contacts(contacts: Contacts | None) -> dict[str, Any]:
 
 
 def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
+    """A number, None where it is none or beyond what a summary takes."""
+    return value if abs(value) <= _LARGEST_FLOAT else None
 
 
 def _kinds(document: dict[str, Any], events: tuple[str, ...], of: str) -> tuple[str, ...]:
@@ -383,7 +390,7 @@ def _plain(record: object, item: Item) -> Any:
     if value is None or item.dtype == "utf-8":
         return value
     if item.dtype == "float64":
-        return float(value) if math.isfinite(value) else None
+        return _finite(float(value))
     return int(value) if item.dtype == "int64" else bool(value)
 
 
