@@ -43,6 +43,7 @@ OF_CONTACTS: dict[str, Dtype] = {
 }
 """What a summary says of a state with contact forces, and of no other: types as in a file."""
 _NUMBER = frozenset(_JSON["float64"])
+_FINITE = _NUMBER - _NONE
 
 
 class Fields:
@@ -55,7 +56,7 @@ class Fields:
         self._types = {name: frozenset(allowed) for name, allowed in types.items()}
         self._names = tuple(types)
         self._values = itemgetter(*types)
-        self._by_types: dict[tuple[type, ...], tuple[list[int], list[int]]] = {}
+        self._by_types: dict[tuple[type, ...], tuple[list[int], ...]] = {}
 
     def checked(self, found: Any, of: str) -> dict[str, Any]:
         """These fields of a part of a line; what else it says is left out. Raises ValueError, as `pairs`."""
@@ -72,23 +73,27 @@ class Fields:
             values = self._values(found)
         except KeyError as error:
             raise ValueError(f"{error.args[0]} {of}") from None
-        floats, others = self._places(values, of)
-        fit = math.hypot(*[values[k] for k in floats]) <= _LARGEST_FLOAT
-        for k in others if fit else range(len(values)):
-            if not fits(values[k]):
-                raise ValueError(f"{self._names[k]} {of}")
+        floats, integers, lists = self._places(values, of)
+        # All at once, and one by one only to name what does not fit.
+        if not (
+            math.hypot(*[values[k] for k in floats]) <= _LARGEST_FLOAT
+            and max([abs(values[k]) for k in integers], default=0) < _LARGEST
+            and all(map(are_texts, [values[k] for k in lists]))
+        ):
+            for name, value in zip(self._names, values, strict=True):
+                if not fits(value):
+                    raise ValueError(f"{name} {of}")
         return zip(self._names, values, strict=True)
 
-    def _places(self, values: tuple[Any, ...], of: str) -> tuple[list[int], list[int]]:
-        """Where floats are among the values, and integers and lists. Raises ValueError for any other type."""
+    def _places(self, values: tuple[Any, ...], of: str) -> tuple[list[int], ...]:
+        """Where floats, integers and lists are among the values. Raises ValueError for any other type."""
         found = tuple(map(type, values))
         places = self._by_types.get(found)
         if places is None:
             for name, one in zip(self._names, found, strict=True):
                 if one not in self._types[name]:
                     raise ValueError(f"{name} {of}")
-            floats = [k for k, one in enumerate(found) if one is float]
-            places = floats, [k for k, one in enumerate(found) if one in (int, list)]
+            places = tuple([k for k, one in enumerate(found) if one is kind] for kind in (float, int, list))
             self._by_types[found] = places
         return places
 
@@ -258,7 +263,7 @@ class Summary:
                 raise ValueError(f"{name} of state {document['label']} is not positive, or beyond any length")
         topology = document.get("topology")
         if topology == _OPEN:
-            values |= dict.fromkeys(_TOPOLOGY, 0)
+            values["half_twists"] = values["sigma"] = 0
         else:
             values.update(_OF_TOPOLOGY.pairs(topology, of))
             if values["sigma"] not in (1, -1):
@@ -337,8 +342,11 @@ def _add_newer(document: dict[str, Any], values: dict[str, Any], of: str) -> Non
     names = known.get(frozenset(parameters)) if isinstance(parameters, dict) else None
     if names is None:
         raise ValueError(f"parameters {of}")
-    bending = values["bending_energy"] = document.get("bending_energy", values["energy"])
-    numbers = [bending]
+    for value in parameters.values():
+        if type(value) not in _FINITE or not abs(value) <= _FARTHEST:
+            raise ValueError(f"parameters {of}")
+    numbers = [document.get("bending_energy", values["energy"])]
+    values["bending_energy"] = numbers[0]
     for name in REACTIONS:
         vector = document.get(name)
         if vector is not None:
@@ -346,10 +354,9 @@ def _add_newer(document: dict[str, Any], values: dict[str, Any], of: str) -> Non
                 raise ValueError(f"a reaction {of}")
             numbers += vector
             values[name] = tuple(vector)
-    if not all(type(n) in _NUMBER and fits(n) for n in numbers) or not all(
-        type(n) in (float, int) and abs(n) <= _FARTHEST for n in parameters.values()
-    ):
-        raise ValueError(f"parameters, bending_energy or a reaction {of}")
+    for value in numbers:
+        if type(value) not in _NUMBER or not fits(value):
+            raise ValueError(f"bending_energy or a reaction {of}")
     values["others"] = {name: parameters[name] for name in names}
     if document.get("contacts") is not None:
         values.update(_OF_CONTACTS.pairs(document, of))
