@@ -332,3 +332,28 @@ def test_modes_are_marked_one_by_one_in_every_spectrum_or_in_none(counts, marked
     axes = Figure().subplots()
     draw_spectra(axes, records, "physical")
     assert [line.get_marker() not in ("", "None") for line in axes.get_lines()] == [marked] * len(counts)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words", "said"),
+    [
+        ({"u": 1e200}, ("plot", "pattern"), "holds values beyond any length (minimum): there is no shape"),
+        (
+            {"u": 0.0},
+            ("plot", "shape"),
+            "holds tangents or rulings of no length (minimum): there is no shape",
+        ),
+        ({"discretisation": "x"}, ("spectrum",), "no discretisation 'x' is known here: update ribbon"),
+    ],
+)
+def test_a_file_that_holds_no_shape_says_so(changes, words, said, solved, tmp_path):  # noqa: F811
+    state: StateRecord = states_of(solved, "mobius")[-1]
+    if "u" in changes:
+        u = state.u.copy()
+        u[3] = changes["u"]
+        changes = {"u": u}
+    path = tmp_path / "odd.h5"
+    path.write_bytes(encode(replace(state, **changes)))
+    command, *kind = words
+    result = ribbon(command, path, *kind, *(("-o", tmp_path / "x.png") if kind else ()))
+    assert (result.exit_code, said in result.stderr) == (2, True), result.output
