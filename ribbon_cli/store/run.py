@@ -48,8 +48,8 @@ if TYPE_CHECKING:
 else:  # for writers alone
     beside = Later("ribbon_cli.store.beside")
 
-_NAME = re.compile(r"\w[\w.-]*")
-_HASH = re.compile(r"[0-9a-f]{8}")
+_NAME = r"\w[\w.-]*"
+_HASH = r"[0-9a-f]{8}"
 
 
 class Run:
@@ -90,11 +90,11 @@ class Run:
         Raises UsageError for a name that cannot be a folder or a reference, StoreError when it cannot be
         written.
         """
-        if not _NAME.fullmatch(name) or len(name.encode()) > 200:
+        if not re.fullmatch(_NAME, name) or len(name.encode()) > 200:
             raise UsageError(
                 f"name: must be letters, digits, '.', '_' and '-', at most 200 bytes, got {name!r}"
             )
-        if not _HASH.fullmatch(hash8):
+        if not re.fullmatch(_HASH, hash8):
             raise ValueError(f"hash8 must be 8 hexadecimal digits, got {hash8!r}")
         root = Path(root)
         path = root / f"{name}-{hash8}"
