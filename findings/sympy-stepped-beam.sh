@@ -1,7 +1,7 @@
 #!/bin/sh
-# Guess: the deflection of a beam made of pieces by Beam.join() is the integral of its slope, and 0 where bc_deflection says
-#   so, as that of a beam in one piece is. The docstring of join() says: "This method can be used to form beams having
-#   Discontinuous values of Elastic modulus or Second moment".
+# Guess: the deflection of a beam made of pieces by Beam.join() is the integral of its slope, and 0 where bc_deflection
+#   says so, as that of a beam in one piece is. The docstring of join() says: "This method can be used to form beams
+#   having Discontinuous values of Elastic modulus or Second moment".
 # Version: sympy 1.14.0, mpmath 1.3.0.
 # Behaviour: for a cantilever of two pieces of different second moment the slope is right, and the deflection has the
 #   other sign. On two supports bc_deflection is not looked at: the beam is taken as clamped at its beginning, and
