@@ -20,6 +20,7 @@ import scipy
 from numpy.typing import NDArray
 
 from ..model.band import Array
+from ..model.constraints import PER_NODE
 from .kkt import BLOCK, FactorisationError, KKTMatrix
 
 CHUNK = 1024
@@ -347,8 +348,7 @@ class BlockReduction:
             for k in range(c):
                 self._join_chain(ring, k, keep=keep, signs=signs)
         ring.reduce(keep=keep)
-        self._ring, self._width = ring, width
-        self._position = matrix.positions
+        self._ring, self._beyond = ring, matrix.positions[BLOCK * n :] - BLOCK * n
         last = ring.nodes
         parts = _pivot(_join(ring.diagonal[last], ring.coupling[last], ring.border[last], corner)[None])
         self._last = (parts[0][0], parts[1][0])
@@ -424,14 +424,14 @@ class BlockReduction:
     def solve(self, rhs: Array) -> Array:
         """Solve the scaled system for rhs (n+m+r,) or (n+m+r, k)."""
         columns = rhs.reshape(rhs.shape[0], -1)
-        position, width, count = self._position, self._width, columns.shape[1]
-        inner = columns.shape[0] - width
+        size, count = self.matrix.size, columns.shape[1]
+        n = size // 7
         # Behind the last node stands the first once more, as the end of the last chain.
-        ordered = np.empty((inner + max(width, BLOCK), count))
-        ordered[position] = columns
-        edge = ordered[inner : inner + width].copy()
-        ordered[inner:] = 0.0
-        b = ordered[: inner + BLOCK].reshape(-1, BLOCK, count)
+        b = np.zeros((n + 1, BLOCK, count))
+        b[:-1, :7] = columns[:size].reshape(n, 7, count)
+        b[:-1, 7:] = columns[size : BLOCK * n].reshape(n, PER_NODE, count)
+        edge = np.empty((self._beyond.size, count))
+        edge[self._beyond] = columns[BLOCK * n :]
         parts = [b[first : last + 1] for first, last in self._bounds] if self._chains else []
         for chain, part in zip(self._chains, parts, strict=True):
             for level in chain.levels:
@@ -443,8 +443,10 @@ class BlockReduction:
         for chain, part in zip(self._chains, parts, strict=True):
             for level in reversed(chain.levels):
                 level.backward(part, edge)
-        ordered[inner : inner + width] = edge
-        out: Array = ordered[position]
+        out = np.empty_like(columns)
+        out[:size].reshape(n, 7, count)[:] = b[:-1, :7]
+        out[size : BLOCK * n].reshape(n, PER_NODE, count)[:] = b[:-1, 7:]
+        out[BLOCK * n :] = edge[self._beyond]
         return out.reshape(rhs.shape)
 
     def _solve_ring(self, b: Array, edge: Array) -> None:

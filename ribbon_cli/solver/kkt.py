@@ -242,8 +242,8 @@ class NodeBlocks:
     """K node by node: `diagonal` (N,12,12), `coupling` to the next node (N,12,12), `border` (N,12,c),
     and the nodes whose ruling is `held` (N,).
 
-    `position` is the place of every row of K in this order, border (closure, gauge) last. `corner` (c,c)
-    is the border's own block where that is not zero.
+    `position` is the place of every row of K in this order, border (closure, gauge) last; unknowns and the
+    rows of nodes come first in K as well. `corner` (c,c) is the border's own block where that is not zero.
     """
 
     position: NDArray[np.int64]
