@@ -354,11 +354,14 @@ class KKTMatrix:
 
     def extended_product(self, v: Array) -> NDArray[np.longdouble]:
         """Scaled K v, for v (n+m+r,), in extended precision, a few rows after the other."""
-        extended = v.astype(np.longdouble)
-        out = np.empty(v.size, dtype=np.longdouble)
+        whole, extended = self.whole, v.astype(np.longdouble)
+        out = np.zeros(v.size, dtype=np.longdouble)
         for first in range(0, v.size, ROWS_AT_ONCE):
-            some = slice(first, first + ROWS_AT_ONCE)
-            out[some] = self.whole[some].astype(np.longdouble) @ extended
+            rows = out[first : first + ROWS_AT_ONCE]
+            pointer = whole.indptr[first : first + rows.size + 1]
+            some = slice(pointer[0], pointer[-1])
+            data = whole.data[some].astype(np.longdouble)
+            csr_matvec(rows.size, v.size, pointer - pointer[0], whole.indices[some], data, extended, rows)
         return out
 
     def regularised(self, shift: float, delta: float) -> scipy.sparse.csc_matrix:
