@@ -212,10 +212,9 @@ class _Chain:
         corner: Array,
         *,
         ring: bool,
-        signs: bool = True,
     ) -> None:
         self.diagonal, self.coupling, self.border, self.held = diagonal, coupling, border, held
-        self.corner, self.ring, self.signs = corner, ring, signs
+        self.corner, self.ring = corner, ring
         self.nodes = np.arange(diagonal.shape[0])
         self.levels: list[_Level] = []
         self.negative, self.gap = 0, np.inf
@@ -270,19 +269,10 @@ class _Chain:
         """Take nodes out of a row, in few products, each of which takes as long as one of those above."""
         diagonal, coupling, border = self.diagonal, self.coupling, self.border
         beside = (coupling[left], np.swapaxes(coupling[gone], 1, 2), np.swapaxes(border[gone], 1, 2))
-        others = np.concatenate(beside, axis=1)
-        if self.signs:
-            vectors, inverse = self._pivots(gone)
-            into = others @ vectors
-            scaled = into * inverse[:, None, :]
-            lost = scaled @ np.swapaxes(into, 1, 2)
-            own = vectors * inverse[:, None, :]
-            factors = np.concatenate((own, scaled), axis=1) @ np.swapaxes(vectors, 1, 2)
-        else:
-            own = _inverted(diagonal[gone])
-            given = others @ own
-            lost = given @ np.swapaxes(others, 1, 2)
-            factors = np.concatenate((own, given), axis=1)
+        vectors, inverse = self._pivots(gone)
+        into = np.concatenate(beside, axis=1) @ vectors
+        scaled = into * inverse[:, None, :]
+        lost = scaled @ np.swapaxes(into, 1, 2)
         one, other, edge = slice(0, BLOCK), slice(BLOCK, 2 * BLOCK), slice(2 * BLOCK, None)
         diagonal[left] -= lost[:, one, one]
         diagonal[right] -= lost[:, other, other]
@@ -290,15 +280,9 @@ class _Chain:
         border[right] -= lost[:, other, edge]
         self.corner -= lost[:, edge, edge].sum(axis=0)
         coupling[left] = -lost[:, one, other]
+        own = vectors * inverse[:, None, :]
+        factors = np.concatenate((own, scaled), axis=1) @ np.swapaxes(vectors, 1, 2)
         return _RowLevel(gone, left, right, factors)
-
-
-def _inverted(blocks: Array) -> Array:
-    """Inverses of pivots whose signs nobody asks for, in a third of the time of `_pivot`. Raises as that."""
-    try:
-        return np.asarray(np.linalg.inv(blocks), dtype=np.float64)
-    except np.linalg.LinAlgError:
-        raise FactorisationError("a pivot of the block reduction is singular") from None
 
 
 def _evenly(places: NDArray[np.int64]) -> _Places:
@@ -314,17 +298,11 @@ class BlockReduction:
     """K - shift M eliminated node by node; `inertia` counts eigenvalues of W_c below `shift`.
 
     M is `metric`, else the Euclidean one. Without `keep` it only counts: `negative` and `gap` are all that is
-    there. Without `signs` it only solves, and nothing is counted in chains.
+    there.
     """
 
     def __init__(
-        self,
-        matrix: KKTMatrix,
-        shift: float = 0.0,
-        metric: NodeMetric | None = None,
-        *,
-        keep: bool = True,
-        signs: bool = True,
+        self, matrix: KKTMatrix, shift: float = 0.0, metric: NodeMetric | None = None, *, keep: bool = True
     ) -> None:
         self.matrix, self.shift, self.metric = matrix, shift, metric
         n = matrix.size // 7
@@ -346,7 +324,7 @@ class BlockReduction:
                 ring=True,
             )
             for k in range(c):
-                self._join_chain(ring, k, keep=keep, signs=signs)
+                self._join_chain(ring, k, keep=keep)
         ring.reduce(keep=keep)
         self._ring, self._beyond = ring, matrix.positions[BLOCK * n :] - BLOCK * n
         last = ring.nodes
@@ -371,7 +349,7 @@ class BlockReduction:
             coupling[:, :7, :7] -= shift * ahead
         return diagonal, coupling, border, held
 
-    def _join_chain(self, ring: _Chain, k: int, *, keep: bool, signs: bool) -> None:
+    def _join_chain(self, ring: _Chain, k: int, *, keep: bool) -> None:
         """Reduce chain k to its first node and the next chain's; add what is left to their ring."""
         after = (k + 1) % len(self._bounds)
         diagonal, coupling, border, held = self._blocks(*self._bounds[k])
@@ -386,7 +364,6 @@ class BlockReduction:
             np.append(held, False),
             ring.corner,
             ring=False,
-            signs=signs,
         )
         chain.reduce(keep=keep)
         ring.diagonal[k] += chain.diagonal[0]

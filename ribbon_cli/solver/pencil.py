@@ -160,8 +160,7 @@ class Pencil:
         """
         excess = self.hessian @ vectors - (self.mass @ vectors) * values
         empty = self.matrix.without_hessian()
-        blocks = BlockReduction(empty, -1.0, self._nodes, signs=False)
-        project = _Inverse(empty, self.mass, -1.0, blocks)
+        project = _Inverse(empty, self.mass, -1.0, BlockReduction(empty, -1.0, self._nodes))
         dual = np.einsum("ij,ij->j", excess, project.moves(excess))
         out: Array = np.sqrt(np.maximum(dual, 0.0))
         return out
