@@ -101,48 +101,8 @@ def _pivot(blocks: Array) -> tuple[Array, Array, int, float]:
 
 
 @dataclass(frozen=True)
-class _RingLevel:
-    """One sweep round a ring: the nodes eliminated, their neighbours, and what is needed to solve.
-
-    It is done product by product, which decides the last bits of stored spectra.
-    """
-
-    gone: _Places
-    left: _Places
-    right: _Places
-    vectors: Array
-    inverse: Array
-    into: Array
-    """What a node gives to its left neighbour (12 rows), to its right one (12), and to the border."""
-
-    @property
-    def _parts(self) -> tuple[Array, Array, Array]:
-        """The rows of the left neighbour, of the right one and of the border."""
-        return self.into[:, :BLOCK], self.into[:, BLOCK : 2 * BLOCK], self.into[:, 2 * BLOCK :]
-
-    def forward(self, b: Array, edge: Array) -> None:
-        """Take right-hand sides b (n,12,k) to the nodes that are left, and to the border's `edge`; what the
-        way back needs stays at the others."""
-        into_left, into_right, into_border = self._parts
-        y = np.swapaxes(self.vectors, 1, 2) @ b[self.gone]
-        w = self.inverse[:, :, None] * y
-        b[self.left] -= into_left @ w
-        b[self.right] -= into_right @ w
-        edge -= (into_border @ w).sum(axis=0)
-        b[self.gone] = y
-
-    def backward(self, x: Array, edge: Array) -> None:
-        """From solutions at the nodes that are left, and at the border, to those of the others."""
-        into_left, into_right, into_border = self._parts
-        known = np.swapaxes(into_left, 1, 2) @ x[self.left]
-        known += np.swapaxes(into_right, 1, 2) @ x[self.right]
-        known += np.swapaxes(into_border, 1, 2) @ edge
-        x[self.gone] = self.vectors @ (self.inverse[:, :, None] * (x[self.gone] - known))
-
-
-@dataclass(frozen=True)
-class _RowLevel:
-    """One sweep along a row, with one matrix a node that is read once each way.
+class _Level:
+    """One sweep, with one matrix a node that is read once each way.
 
     `factors` (n,36+c,12) are the pivot's inverse, and what a node's right-hand side gives to its left
     neighbour, to its right one and to the border.
@@ -154,7 +114,8 @@ class _RowLevel:
     factors: Array
 
     def forward(self, b: Array, edge: Array) -> None:
-        """As `_RingLevel` says."""
+        """Take right-hand sides b (n,12,k) to the nodes that are left, and to the border's `edge`; what the
+        way back needs stays at the others."""
         given = self.factors @ b[self.gone]
         b[self.gone] = given[:, :BLOCK]
         b[self.left] -= given[:, BLOCK : 2 * BLOCK]
@@ -162,13 +123,10 @@ class _RowLevel:
         edge -= given[:, 3 * BLOCK :].sum(axis=0)
 
     def backward(self, x: Array, edge: Array) -> None:
-        """As `_RingLevel` says."""
+        """From solutions at the nodes that are left, and at the border, to those of the others."""
         beyond = np.broadcast_to(edge, (self.factors.shape[0], *edge.shape))
         others = np.concatenate((x[self.left], x[self.right], beyond), axis=1)
         x[self.gone] -= np.swapaxes(self.factors[:, BLOCK:], 1, 2) @ others
-
-
-_Level = _RingLevel | _RowLevel
 
 
 class NodeMetric:
@@ -221,9 +179,8 @@ class _Chain:
 
     def reduce(self, *, keep: bool) -> None:
         """Eliminate all nodes but two, the ends of a row; `keep` what is needed to solve."""
-        sweep: Callable[[_Places, _Places, _Places], _Level] = self._round if self.ring else self._along
         while self.nodes.size > 2:
-            level = sweep(*self._next())
+            level = self._sweep(*self._next())
             if keep:
                 self.levels.append(level)
 
@@ -240,36 +197,13 @@ class _Chain:
         self.nodes = np.delete(nodes, chosen)
         return gone, left, right
 
-    def _pivots(self, gone: _Places) -> tuple[Array, Array]:
-        """The pivots of nodes, which are counted."""
-        vectors, inverse, count, narrow = _pivot(self.diagonal[gone])
-        self.negative += count
-        self.gap = min(self.gap, narrow)
-        return vectors, inverse
-
-    def _round(self, gone: _Places, left: _Places, right: _Places) -> _RingLevel:
-        """Take nodes out of a ring."""
-        diagonal, coupling, border = self.diagonal, self.coupling, self.border
-        vectors, inverse = self._pivots(gone)
-        into_left = coupling[left] @ vectors
-        into_right = np.swapaxes(coupling[gone], 1, 2) @ vectors
-        into_border = np.swapaxes(border[gone], 1, 2) @ vectors
-        scaled_left, scaled_right = into_left * inverse[:, None, :], into_right * inverse[:, None, :]
-        t_right, t_border = np.swapaxes(into_right, 1, 2), np.swapaxes(into_border, 1, 2)
-        diagonal[left] -= scaled_left @ np.swapaxes(into_left, 1, 2)
-        diagonal[right] -= scaled_right @ t_right
-        border[left] -= scaled_left @ t_border
-        border[right] -= scaled_right @ t_border
-        self.corner -= ((into_border * inverse[:, None, :]) @ t_border).sum(axis=0)
-        coupling[left] = -scaled_left @ t_right
-        into = np.concatenate((into_left, into_right, into_border), axis=1)
-        return _RingLevel(gone, left, right, vectors, inverse, into)
-
-    def _along(self, gone: _Places, left: _Places, right: _Places) -> _RowLevel:
-        """Take nodes out of a row, in few products, each of which takes as long as one of those above."""
+    def _sweep(self, gone: _Places, left: _Places, right: _Places) -> _Level:
+        """Take nodes out, in few products: with one for each neighbour they would take twice as long."""
         diagonal, coupling, border = self.diagonal, self.coupling, self.border
         beside = (coupling[left], np.swapaxes(coupling[gone], 1, 2), np.swapaxes(border[gone], 1, 2))
-        vectors, inverse = self._pivots(gone)
+        vectors, inverse, count, narrow = _pivot(diagonal[gone])
+        self.negative += count
+        self.gap = min(self.gap, narrow)
         into = np.concatenate(beside, axis=1) @ vectors
         scaled = into * inverse[:, None, :]
         lost = scaled @ np.swapaxes(into, 1, 2)
@@ -282,7 +216,7 @@ class _Chain:
         coupling[left] = -lost[:, one, other]
         own = vectors * inverse[:, None, :]
         factors = np.concatenate((own, scaled), axis=1) @ np.swapaxes(vectors, 1, 2)
-        return _RowLevel(gone, left, right, factors)
+        return _Level(gone, left, right, factors)
 
 
 def _evenly(places: NDArray[np.int64]) -> _Places:
@@ -330,11 +264,11 @@ class BlockReduction:
         last = ring.nodes
         parts = _pivot(_join(ring.diagonal[last], ring.coupling[last], ring.border[last], corner)[None])
         self._last = (parts[0][0], parts[1][0])
+        ring.diagonal = ring.coupling = ring.border = np.empty(0)
         # Held components stand in K as ones on the diagonal, whatever the metric: no eigenvalues of W_c.
         ones = int((matrix.metric[matrix.fixed] * shift > 1.0).sum()) if metric is None else 0
         self.negative: int = ring.negative + parts[2] - matrix.duals - ones
         self.gap = min(ring.gap, parts[3])
-        ring.diagonal = ring.coupling = ring.border = np.empty(0)
 
     def _blocks(self, first: int, last: int) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
         """Blocks of nodes `first` to `last` - 1, shifted, to be changed in place."""
