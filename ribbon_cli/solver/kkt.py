@@ -242,8 +242,8 @@ class NodeBlocks:
     """K node by node: `diagonal` (N,12,12), `coupling` to the next node (N,12,12), `border` (N,12,c),
     and the nodes whose ruling is `held` (N,).
 
-    `position` is the place of every row of K in this order, border (closure, gauge) last. `corner` (c,c)
-    is the border's own block where that is not zero.
+    `position` is the place of every row of K in this order, border (closure, gauge) last; unknowns and the
+    rows of nodes come first in K as well. `corner` (c,c) is the border's own block where that is not zero.
     """
 
     position: NDArray[np.int64]
@@ -354,11 +354,14 @@ class KKTMatrix:
 
     def extended_product(self, v: Array) -> NDArray[np.longdouble]:
         """Scaled K v, for v (n+m+r,), in extended precision, a few rows after the other."""
-        extended = v.astype(np.longdouble)
-        out = np.empty(v.size, dtype=np.longdouble)
+        whole, extended = self.whole, v.astype(np.longdouble)
+        out = np.zeros(v.size, dtype=np.longdouble)
         for first in range(0, v.size, ROWS_AT_ONCE):
-            some = slice(first, first + ROWS_AT_ONCE)
-            out[some] = self.whole[some].astype(np.longdouble) @ extended
+            rows = out[first : first + ROWS_AT_ONCE]
+            pointer = whole.indptr[first : first + rows.size + 1]
+            some = slice(pointer[0], pointer[-1])
+            data = whole.data[some].astype(np.longdouble)
+            csr_matvec(rows.size, v.size, pointer - pointer[0], whole.indices[some], data, extended, rows)
         return out
 
     def regularised(self, shift: float, delta: float) -> scipy.sparse.csc_matrix:
