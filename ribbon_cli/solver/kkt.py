@@ -17,16 +17,8 @@ from numpy.typing import NDArray
 from scipy.sparse._sparsetools import csr_matvec
 
 from ..model.band import Array, Band
-from ..model.constraints import PER_NODE
-from ..model.problem import (
-    END_ROW,
-    JACOBIAN_COLUMNS,
-    JACOBIAN_ROWS,
-    Layout,
-    LocalDerivatives,
-    Problem,
-    hessian_places,
-)
+from ..model.entries import JACOBIAN_COLUMNS, JACOBIAN_ROWS, PER_NODE, hessian_places
+from ..model.problem import END_ROW, Layout, LocalDerivatives, Problem
 from ..model.sparsity import COMPACT_FROM, IntArray, Scatter, stretched
 from ..model.stencil import Seam, indices
 from .ldl import Ldl, Symbolic
@@ -276,7 +268,8 @@ class KKTMatrix:
         self.metric = self.scale[: self.size] ** 2
         values = np.concatenate(
             (
-                local.entries.ravel(),
+                local.hessian_entries.ravel(),
+                local.jacobian_entries.ravel(),
                 np.full(problem.closing * n, problem.band.h),
                 rotations.reshape(n, 7, self.gauge)[:, :6].reshape(6 * n, self.gauge).T.ravel(),
                 _ZERO,

@@ -15,6 +15,7 @@ import numpy as np
 
 from ..model.band import Array, State
 from ..model.problem import LocalDerivatives, Problem
+from ..model.stencil import G1, G, U
 from .inertia import Inertia
 from .kkt import FINE, FactorisationError, KKTMatrix
 from .linear import RESIDUAL_LIMIT, Factor
@@ -71,7 +72,11 @@ NEAR_STEP = 0.05
 
 def iterate_at(problem: Problem, x: Array, multipliers: Array | None) -> Iterate:
     """Evaluate a place x (7N,); unknown multipliers (5N+3,) count as zero, and the Hessian is left out."""
-    local = problem.local_derivatives(x, multipliers)
+    return _iterate_of(problem, x, problem.local_derivatives(x, multipliers), multipliers)
+
+
+def _iterate_of(problem: Problem, x: Array, local: LocalDerivatives, multipliers: Array | None) -> Iterate:
+    """The iterate with the derivatives at x for its multipliers."""
     if multipliers is None:
         multipliers = np.zeros(problem.rows)
     gradient = problem.lagrangian_gradient(local, multipliers)
@@ -116,11 +121,11 @@ def _newton_step(point: Iterate, factor: Factor, limit: float = RESIDUAL_LIMIT) 
 
 def inverted_facets(problem: Problem, x: Array) -> Array:
     """(u_i x g_i).(u_i x g_{i+1}) (N,): positive where a facet keeps its side."""
-    y = x.reshape(-1, 7)
-    u, g, following = y[:, :3], problem.rulings(x), problem.next_rulings(x)
+    local = problem.local(x)[:, : problem.band.segments]
+    u, rulings = local[U], local[G.start : G1.stop].reshape(2, 3, -1)
     # Lagrange's identity: (u x g).(u x g') = (u.u)(g.g') - (u.g)(u.g')
-    uu, gg = np.einsum("ij,ij->i", u, u), np.einsum("ij,ij->i", g, following)
-    out: Array = uu * gg - np.einsum("ij,ij->i", u, g) * np.einsum("ij,ij->i", u, following)
+    along, across = (u * rulings).sum(axis=1), (rulings[0] * rulings[1]).sum(axis=0)
+    out: Array = (u * u).sum(axis=0) * across - along[0] * along[1]
     return out
 
 
@@ -192,8 +197,8 @@ class _Search:
         self.keep(point.x, normal)
         return normal
 
-    def correct(self, point: Iterate, x: Array) -> Array:
-        """Second-order correction: the least move that removes the constraint values at x, near a point.
+    def correct(self, point: Iterate, constraints: Array) -> Array:
+        """Second-order correction: the least move that removes weighted constraint values near a point.
 
         It is least in the scaled metric, not in that of the Hessian: near-zero eigenvalues (sliding) would
         turn it into a long tangential step.
@@ -201,7 +206,7 @@ class _Search:
         problem = self.problem
         normal = self._normal_at(point)
         tail = np.zeros(normal.matrix.tail)
-        rhs = np.concatenate((np.zeros(problem.size), -problem.weighted_constraints(x), tail))
+        rhs = np.concatenate((np.zeros(problem.size), -constraints, tail))
         return normal.solve(rhs)[: problem.size]
 
 
@@ -249,7 +254,9 @@ class _Solve:
             return self._result(Status.INVERTED_FACET, self.last, detail="It was so at the start.")
         try:
             if multipliers is None:
-                self.last = iterate_at(self.problem, x, self._estimated(x, self.last.local))
+                multipliers = self._estimated(x, self.last.local)
+                local = self.problem.with_multipliers(x, self.last.local, multipliers)
+                self.last = _iterate_of(self.problem, x, local, multipliers)
             return self._iterate(self.last)
         except FactorisationError as error:
             return self._result(Status.STALLED, self.last, detail=f"({error}.)")
@@ -468,15 +475,14 @@ class _Solve:
         if self.options.way is not None and not self.options.way(point.x, x):
             return None
         multipliers = point.multipliers + t * (found.multipliers - point.multipliers)
-        violation = np.inf
-        for corrections in range(MOST_CORRECTIONS + 1):
-            if corrections:
-                extra = self.search.correct(point, x)
+        violation, trial = np.inf, None
+        for _ in range(MOST_CORRECTIONS + 1):
+            if trial is not None:
+                extra = self.search.correct(point, trial.local.constraints)
                 if not self._size(x, extra) <= self.options.step_limit:
                     return None
                 x = self._moved(x, extra)
-            with np.errstate(over="ignore", invalid="ignore"):
-                trial = iterate_at(self.problem, x, multipliers)
+            trial = iterate_at(self.problem, x, multipliers)
             if not np.isfinite(trial.worst):
                 if self.trouble[0] is Status.STALLED:
                     self.trouble = (Status.NOT_FINITE, "")
@@ -538,7 +544,7 @@ class _Solve:
             for side in (1.0, -1.0):
                 x = point.x + (side * t * self.options.step_limit / size) * v
                 for _ in range(4):
-                    x = x + self.search.correct(point, x)
+                    x = x + self.search.correct(point, self.problem.weighted_constraints(x))
                 trial = iterate_at(self.problem, x, point.multipliers)
                 if not np.isfinite(trial.worst) or not self._allowed(point, trial):
                     continue
