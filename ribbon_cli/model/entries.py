@@ -99,10 +99,9 @@ def signed_hessian(couplings: Couplings) -> tuple[NDArray[np.intp], NDArray[np.i
 
 
 @lru_cache(maxsize=1)
-def signed_jacobian() -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def signed_jacobian() -> tuple[None, NDArray[np.intp]]:
     """The entries of the Jacobian in the column of xi_{i-1}, which are none, and in those of g_{i+1}."""
-    columns = JACOBIAN_COLUMNS[None]
-    return _ones_of(columns, X0, X), _ones_of(columns, G1.start, G1.stop)
+    return None, _ones_of(JACOBIAN_COLUMNS[None], G1.start, G1.stop)
 
 
 def _ones_of(places: NDArray[np.intp], first: int, last: int) -> NDArray[np.intp]:

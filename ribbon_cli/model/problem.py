@@ -329,6 +329,12 @@ class Problem:
         return *self._energy(local, bent), jacobian, hessian
 
     @cached_property
+    def _row_weights(self) -> tuple[Array, Array]:
+        """Weights of a node's constraints (5,1), and of the entries of its Jacobian (37,1)."""
+        weights = row_weights(self.band)[:, None]
+        return weights, weights[JACOBIAN_ROWS]
+
+    @cached_property
     def _moves(self) -> NDArray[np.bool_]:
         """Which components of the local vectors (14,M) are unknowns that move."""
         held = np.concatenate((self.fixed, np.ones(self.stencil.seam.data, dtype=bool)))
@@ -357,7 +363,7 @@ class Problem:
         if self.stencil.seam.strip:
             out[JACOBIAN_ROWS == 1, 0] = 0.0
             out[self._end_kind != JACOBIAN_ROWS, -1] = 0.0
-        out *= row_weights(self.band)[JACOBIAN_ROWS, None]
+        out *= self._row_weights[1]
         self.stencil.apply_signs(out, *signed_jacobian())
         return out
 
@@ -386,7 +392,7 @@ class Problem:
             for term in self.terms:
                 term.add_hessian(local, full)
             out = full[places]
-        curvature = 0.0 - row_weights(self.band)[:, None] * self.local_multipliers(multipliers)
+        curvature = self._row_weights[0] * -self.local_multipliers(multipliers)
         for node in self.prescription.rulings:
             out[-HESSIAN_ENTRIES:][U_G][IN_SQUARE, node] += curvature[1, node]
             curvature[1, node] = 0.0

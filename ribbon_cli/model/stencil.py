@@ -84,11 +84,14 @@ class Stencil:
         self.apply_signs(local)
         return local
 
-    def apply_signs(self, values: Array, of_xi: int | IntArray = X0, of_g: slice | IntArray = G1) -> None:
-        """Multiply values (k, M) by the seam's signs in place: in the rows `of_xi` by that of xi_0, in those
-        `of_g` by that of g_{N+1}."""
+    def apply_signs(
+        self, values: Array, of_xi: int | IntArray | None = X0, of_g: slice | IntArray = G1
+    ) -> None:
+        """Multiply values (k, M) by the seam's signs in place: rows `of_xi`, if there are such, by that of
+        xi_0, rows `of_g` by that of g_{N+1}."""
         if self.sigma < 0:
-            values[of_xi, 0] *= -1.0
+            if of_xi is not None:
+                values[of_xi, 0] *= -1.0
             if self.seam is Seam.CLOSED:
                 values[of_g, -1] *= -1.0
 
