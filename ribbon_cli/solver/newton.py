@@ -15,7 +15,6 @@ import numpy as np
 
 from ..model.band import Array, State
 from ..model.problem import LocalDerivatives, Problem
-from ..model.stencil import G1, G, U
 from .inertia import Inertia
 from .kkt import FINE, FactorisationError, KKTMatrix
 from .linear import RESIDUAL_LIMIT, Factor
@@ -70,13 +69,11 @@ NEAR_STEP = 0.05
 """Change of the next Newton step up to which a saddle is stepped onto and left on purpose."""
 
 
-def iterate_at(problem: Problem, x: Array, multipliers: Array | None) -> Iterate:
-    """Evaluate a place x (7N,); unknown multipliers (5N+3,) count as zero, and the Hessian is left out."""
-    return _iterate_of(problem, x, problem.local_derivatives(x, multipliers), multipliers)
-
-
-def _iterate_of(problem: Problem, x: Array, local: LocalDerivatives, multipliers: Array | None) -> Iterate:
-    """The iterate with the derivatives at x for its multipliers."""
+def iterate_at(
+    problem: Problem, x: Array, multipliers: Array | None, local: LocalDerivatives | None = None
+) -> Iterate:
+    """Evaluate a place x (7N,) of unknown derivatives; unknown multipliers (5N+3,) count as zero."""
+    local = problem.local_derivatives(x, multipliers) if local is None else local
     if multipliers is None:
         multipliers = np.zeros(problem.rows)
     gradient = problem.lagrangian_gradient(local, multipliers)
@@ -121,11 +118,11 @@ def _newton_step(point: Iterate, factor: Factor, limit: float = RESIDUAL_LIMIT) 
 
 def inverted_facets(problem: Problem, x: Array) -> Array:
     """(u_i x g_i).(u_i x g_{i+1}) (N,): positive where a facet keeps its side."""
-    local = problem.local(x)[:, : problem.band.segments]
-    u, rulings = local[U], local[G.start : G1.stop].reshape(2, 3, -1)
+    y = x.reshape(-1, 7)
+    u, g, following = y[:, :3], problem.rulings(x), problem.next_rulings(x)
     # Lagrange's identity: (u x g).(u x g') = (u.u)(g.g') - (u.g)(u.g')
-    along, across = (u * rulings).sum(axis=1), (rulings[0] * rulings[1]).sum(axis=0)
-    out: Array = (u * u).sum(axis=0) * across - along[0] * along[1]
+    uu, gg = np.einsum("ij,ij->i", u, u), np.einsum("ij,ij->i", g, following)
+    out: Array = uu * gg - np.einsum("ij,ij->i", u, g) * np.einsum("ij,ij->i", u, following)
     return out
 
 
@@ -203,11 +200,9 @@ class _Search:
         It is least in the scaled metric, not in that of the Hessian: near-zero eigenvalues (sliding) would
         turn it into a long tangential step.
         """
-        problem = self.problem
-        normal = self._normal_at(point)
-        tail = np.zeros(normal.matrix.tail)
-        rhs = np.concatenate((np.zeros(problem.size), -constraints, tail))
-        return normal.solve(rhs)[: problem.size]
+        size, normal = self.problem.size, self._normal_at(point)
+        rhs = np.concatenate((np.zeros(size), -constraints, np.zeros(normal.matrix.tail)))
+        return normal.solve(rhs)[:size]
 
 
 def solve(
@@ -254,19 +249,19 @@ class _Solve:
             return self._result(Status.INVERTED_FACET, self.last, detail="It was so at the start.")
         try:
             if multipliers is None:
-                multipliers = self._estimated(x, self.last.local)
-                local = self.problem.with_multipliers(x, self.last.local, multipliers)
-                self.last = _iterate_of(self.problem, x, local, multipliers)
+                self.last = self._estimated(self.last)
             return self._iterate(self.last)
         except FactorisationError as error:
             return self._result(Status.STALLED, self.last, detail=f"({error}.)")
 
-    def _estimated(self, x: Array, local: LocalDerivatives) -> Array:
-        """Multipliers (5N+3,) at the start x, whose normal factors are kept."""
-        normal = _normal_factor(self.problem, x, local)
+    def _estimated(self, start: Iterate) -> Iterate:
+        """The start with multipliers by least squares, whose normal factors are kept."""
+        problem, x, local = self.problem, start.x, start.local
+        normal = _normal_factor(problem, x, local)
         if not self.fine:
             self.search.keep(x, normal)
-        return _estimate(self.problem, local, normal)
+        multipliers = _estimate(problem, local, normal)
+        return iterate_at(problem, x, multipliers, problem.with_multipliers(x, local, multipliers))
 
     def _iterate(self, point: Iterate) -> Result:
         options = self.options
