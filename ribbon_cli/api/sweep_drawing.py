@@ -62,7 +62,7 @@ def _modes(choice: plot.fields.Choice, where: str | None) -> int:
 def _shapes(found: Sequence[Source], rows: Rows) -> list[tuple[StateRecord, str]]:
     """The shapes of the finest mesh of each run and place, each with what tells it from the others."""
     kept = {row["state"]: row for row in rows.rows}
-    runs = {source.run.path: source.run for source in found}.values()
+    runs = {source.run.path: source.run for source in found if source.begun}.values()
     keys = [key for key in plot.fields.keys_apart(rows) if key != "segments"]
     states = []
     for run in runs:

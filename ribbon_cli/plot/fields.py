@@ -104,13 +104,15 @@ def _goes_with(table: Rows, column: Column, other: Column) -> bool:
 def curves(table: Rows, columns: Chosen) -> list[tuple[tuple[Any, ...], list[Mapping[str, Any]]]]:
     """The rows of each curve, along it, by the values that name it.
 
-    Of several states at one place it is the finest one, and of these a certified one. Raises UsageError.
+    Of several states at one place it is the finest one, and of these a certified one. A state that is not
+    where its schedule leads is on no curve along a key that says where. Raises UsageError.
     """
+    leading = [column.name for column in columns.by if column.name in table.leading]
     axis, meshed = columns.over, "segments" in {columns.over.name, *(c.name for c in columns.by)}
     best: dict[tuple[Any, ...], dict[float, Mapping[str, Any]]] = {}
     for row in table.rows:
         x, y = row.get(axis.name), row.get(columns.of.name)
-        if x is None or y is None or y != y:
+        if x is None or y is None or y != y or any(name in row and row[name] is None for name in leading):
             continue
         curve = best.setdefault(tuple(row.get(column.name) for column in columns.by), {})
         before = curve.get(float(x))

@@ -16,7 +16,7 @@ from ribbon_cli.plot.branches import arclength_figure
 from ribbon_cli.plot.canvas import Figure
 from ribbon_cli.plot.contacts import contacts_figure
 from ribbon_cli.plot.curves import Curve, geometry_figure, multipliers_figure
-from ribbon_cli.plot.fields import Choice, chosen, fields_figure
+from ribbon_cli.plot.fields import Choice, chosen, curves, fields_figure
 from ribbon_cli.plot.figure import dressed, state_caption
 from ribbon_cli.plot.flat import pattern_figure
 from ribbon_cli.plot.labels import (
@@ -389,7 +389,10 @@ def _table(source: Source, style: Style) -> Picture:
     columns = chosen(source.rows, source.choice)
     figure = fields_figure(source.rows, columns, style)
     count = len({row["run"] for row in source.rows.rows})
-    caption = f"{count} run{'s' * (count > 1)}, {len(source.rows.rows)} states"
+    drawn = sum(len(found) for _, found in curves(source.rows, columns))
+    part = f", {drawn} of them drawn" if drawn < len(source.rows.rows) else ""
+    caption = f"{count} run{'s' * (count > 1)}, {len(source.rows.rows)} states{part}"
+    caption = "; ".join([caption, *source.rows.missed])
     return Picture(figure, columns.title, (), caption=caption)
 
 
@@ -404,7 +407,8 @@ def _shapes(source: Source, style: Style) -> Picture:
     certified, meeting = sum(s.certified for s in states), sum(map(meets_unheld, states))
     contact = f", {meeting} in self-contact" if meeting else ""
     caption = f"{told} ({certified} of {len(states)} certified{contact})"
-    return Picture(figure, title, tuple(states), caption=caption)
+    missed = () if source.rows is None else source.rows.missed
+    return Picture(figure, title, tuple(states), caption="; ".join([caption, *missed]))
 
 
 def _mode(source: Source, style: Style) -> Picture:

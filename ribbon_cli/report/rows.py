@@ -40,12 +40,17 @@ class Column:
 class Rows:
     """Columns and rows; `shown` are the columns that text shows by default, `keys` those that tell the states
     apart.
+
+    `leading` are keys of sweeps that say where schedules lead, which are None in rows of states that are not
+    there. `missed` has a sentence for each sweep some of whose points have no state there.
     """
 
     columns: tuple[Column, ...]
     rows: tuple[Mapping[str, Any], ...]
     shown: tuple[str, ...] = ()
     keys: tuple[str, ...] = ()
+    leading: tuple[str, ...] = ()
+    missed: tuple[str, ...] = ()
 
     def where(self, text: str | None) -> Rows:
         """The rows for which a condition holds. Raises UsageError."""

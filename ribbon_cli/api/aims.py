@@ -1,0 +1,109 @@
+"""Where the config of a sweep's point leads, and which states are there: only these are the point's."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from ribbon_cli.config import Config
+from ribbon_cli.facts import same_value, same_width
+from ribbon_cli.parts import HALF_WIDTH, PARAMETERS
+from ribbon_cli.store import Run, Summary
+from ribbon_cli.study.plan import PlannedStage, plan_of
+from ribbon_cli.study.run_config import resolved_config
+
+_LEADING = ("schedule", "widths")
+"""Sections of a config whose keys say where it leads; those of others hold from the start."""
+
+
+@dataclass(frozen=True)
+class Aims:
+    """The equilibria that a config plans, in order, `branch` those that a branch is to meet."""
+
+    config: Config
+    walk: tuple[PlannedStage, ...]
+    branch: tuple[PlannedStage, ...]
+
+    @classmethod
+    def of(cls, run: Run) -> Aims:
+        """Those of a run's config. Raises StoreError, ConfigError where that cannot be read."""
+        config = resolved_config(run)
+        planned = _equilibria(config)
+        count = len(_equilibria(replace(config, arclength=None)))
+        return cls(config, planned[:count], planned[count:])
+
+    def is_end(self, state: Summary, keys: Iterable[str]) -> bool:
+        """Whether a state is where the config leads: where it last comes to the state's half-width.
+
+        At a half-width that it does not name, a state is one if all else is as at the end, and if none of the
+        `keys` that vary leads to another half-width.
+        """
+        stages = (*self.walk, *self.branch)
+        wide = [s for s in stages if s.half_width is None or same_width(s.half_width, state.half_width)]
+        if wide:
+            return _is_at(state, wide[-1])
+        return not any(map(is_leading, keys)) and _is_at(state, stages[-1])
+
+    def holds(self, key: str, value: Any, state: Summary, keys: Iterable[str]) -> bool:
+        """Whether a key that varies is true of a state.
+
+        One that says where the schedule leads is true of states at its end, and of points on the branch that
+        the config follows from there. A parameter that holds from the start is true until the state has
+        another value, unless the schedule itself moves it.
+        """
+        if is_leading(key):
+            on_branch = self.config.arclength is not None and state.branch is not None
+            return on_branch or self.is_end(state, keys)
+        return _own(key, value, state) or parameter_of(key) in self._moved()
+
+    def missed(self, states: Sequence[Summary]) -> bool:
+        """Whether no state is at one of the equilibria that the schedule ends in."""
+        ends = {stage.half_width: stage for stage in self.walk}.values()
+        return not all(any(_is_at(state, end) for state in states) for end in ends)
+
+    def _moved(self) -> set[str]:
+        branch = self.config.arclength
+        return {name for leg in self.config.legs for name in leg.to} | (
+            set() if branch is None else {branch.parameter}
+        )
+
+
+def is_leading(key: str) -> bool:
+    """Whether a dotted key says where a schedule leads."""
+    return key.partition(".")[0] in _LEADING
+
+
+def parameter_of(key: str) -> str:
+    """The parameter that a dotted key sets, empty where it sets none."""
+    words = [word for word in key.split(".") if word not in ("to", "from")]
+    if words[0] == "widths":
+        return HALF_WIDTH
+    return words[-1] if words[-1] in PARAMETERS else ""
+
+
+def repeats(key: str, row: Mapping[str, Any]) -> bool:
+    """Whether a key of a row says no more than the state's own parameter."""
+    name, value = parameter_of(key), row.get(key)
+    own = row.get(name if name == HALF_WIDTH else f"parameter_{name}")
+    return value is None or (
+        isinstance(value, int | float) and own is not None and same_value(name, value, own, row["length"])
+    )
+
+
+def _own(key: str, value: Any, state: Summary) -> bool:
+    """Whether a state has the value of the parameter that a key sets; true of a key that sets none."""
+    own = state.parameters.get(parameter_of(key))
+    if own is None or not isinstance(value, int | float):
+        return True
+    return same_value(parameter_of(key), own, value, state.length)
+
+
+def _is_at(state: Summary, stage: PlannedStage) -> bool:
+    """Whether a state has the parameters at which a stage aims, whatever its N; unknown ones tell nothing."""
+    found = ((name, value, state.parameters.get(name)) for name, value in stage.parameters.items())
+    return all(own is None or same_value(name, own, value, state.length) for name, value, own in found)
+
+
+def _equilibria(config: Config) -> tuple[PlannedStage, ...]:
+    return tuple(stage for stage in plan_of(config).stages if stage.kind == "equilibrium")

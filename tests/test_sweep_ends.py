@@ -1,0 +1,86 @@
+"""A state on the way of a sweep's point is not the point's: in grids, tables and pictures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli_support import ribbon
+from table_runs import fill, walk
+
+import ribbon_cli
+from ribbon_cli.api.gathering import gathered, sources
+from ribbon_cli.plot.fields import Choice, chosen, curves
+
+FAILED = "legs-span0.97-shear0.2"
+MISSED = f"legs: 1 of 4 points have not reached their targets: {FAILED}; 1 of 4 points not run yet"
+KEYS = ("ends.span", "schedule.0.shear")
+
+
+@pytest.fixture(scope="module")
+def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    root = walk(tmp_path_factory.mktemp("runs"))
+    done = ribbon("continue", f"{FAILED}:1", "--in", "shear", "--to", "0.001", "--runs", str(root))
+    assert done.exit_code == 0, done.stderr
+    return root
+
+
+def test_a_cell_has_a_state_only_at_the_end_of_its_schedule(root: Path) -> None:
+    data = ribbon_cli.open_sweep("legs", root).to_xarray()
+    assert data["energy"].dims == KEYS
+    # Neither the start, nor what was continued by hand, nor what lies further up than a negative target.
+    assert data["energy"].notnull().values.tolist() == [[True, True], [False, False]]
+    assert data["certified"].values.tolist() == [[True, True], [False, False]]
+    assert data["parameter_shear"].values[0].tolist() == [-0.1, 0.2]
+    assert np.isnan(data["label"].values[1]).all()
+
+
+def test_a_key_stands_beside_the_states_of_which_it_is_true(root: Path) -> None:
+    rows = gathered(sources(root, ["legs"]))
+    found = [(row["ends.span"], row["schedule.0.shear"], row["parameter_shear"]) for row in rows.rows]
+    assert found == [
+        *[(0.6, None, 0.0), (0.6, -0.1, -0.1), (0.6, None, 0.0), (0.6, 0.2, 0.2)],
+        *[(0.97, None, 0.0), (0.97, None, 0.001)],
+    ]
+    assert next(c for c in rows.columns if c.name == KEYS[1]).dtype == "float64"
+    assert len(rows.where("schedule.0.shear == 0.2").rows) == 1
+    done = ribbon("table", "legs", "--columns", f"{KEYS[1]},energy", "--runs", str(root))
+    assert done.stdout.splitlines()[1].split()[0] == "-"
+    assert done.stderr == f"{MISSED}\n"
+
+
+@pytest.mark.parametrize(("over", "by"), [KEYS, KEYS[::-1]])
+def test_a_picture_over_a_key_leaves_out_states_on_the_way(root: Path, over: str, by: str) -> None:
+    table = gathered(sources(root, ["legs"]))
+    drawn = [row for _, found in curves(table, chosen(table, Choice(over=over, by=(by,)))) for row in found]
+    assert sorted(row["parameter_shear"] for row in drawn) == [-0.1, 0.2]
+
+
+def test_a_picture_tells_of_points_that_failed_and_of_those_not_run(root: Path, tmp_path: Path) -> None:
+    for kind in ("table", "shapes"):
+        done = ribbon("plot", "legs", kind, "-o", str(tmp_path / f"{kind}.svg"), "--runs", str(root))
+        assert (done.exit_code, MISSED in done.stderr) == (0, True), done.stderr
+    assert ribbon_cli.open_sweep("legs", root).plot("table", over=KEYS[1]) is not None
+
+
+def test_states_along_a_path_are_told_apart_by_their_own_parameters(root: Path) -> None:
+    table = gathered(sources(root, ["legs"]))
+    found = chosen(table, Choice())
+    assert found.over.name == "parameter_shear"
+    assert [column.name for column in found.by] == ["ends.span"]
+    ((_, path), _) = curves(table, found)
+    assert [row["parameter_shear"] for row in path] == [-0.1, 0.0, 0.2]
+
+
+def test_a_state_continued_to_another_width_leaves_its_point(tmp_path: Path) -> None:
+    fill(tmp_path)
+    first = ribbon_cli.open_sweep("fam", tmp_path).points[0]
+    ribbon("continue", f"{first.path.name}:1", "--to", "0.12", "--runs", str(tmp_path))
+    rows = gathered(sources(tmp_path, ["fam"]))
+    widths = [(row["initial_guess.half_width"], row["half_width"]) for row in rows.rows]
+    assert widths[:2] == [(0.1, 0.1), (None, 0.12)]
+    assert rows.missed == ("fam: 1 of 6 points not run yet",)
+    data = ribbon_cli.open_sweep("fam", tmp_path).to_xarray()
+    assert data["energy"].dims[-1] == "half_width"  # which tells the states apart
+    assert int(data["energy"].notnull().sum()) == 6
