@@ -14,7 +14,7 @@ from ribbon_cli.api.gathering import gathered, sources
 from ribbon_cli.plot.fields import Choice, chosen, curves
 
 FAILED = "legs-span0.97-shear0.2"
-MISSED = f"legs: 1 of 4 points have not reached their targets: {FAILED}; 1 of 4 points not run yet"
+MISSED = f"legs: targets not reached at 1 of 4 points: {FAILED}; 1 of 4 points not run yet"
 KEYS = ("ends.span", "schedule.0.shear")
 
 

@@ -82,10 +82,8 @@ def gathered(found: Sequence[Source], all: bool = False, modes: int = 0) -> Rows
     columns = [Column("state", "utf-8", False)]
     if keys:
         own = [key for key in keys if key not in known]  # others, as the length, states have themselves
-        columns += [
-            Column("sweep", "utf-8"),
-            *(key_column(key, [s.values or {} for s in begun]) for key in own),
-        ]
+        values = [source.values or {} for source in begun]
+        columns += [Column("sweep", "utf-8"), *(key_column(key, values) for key in own)]
     columns += [Column(name, dtype, optional) for name, (dtype, optional) in known.items()]
     columns += [Column(f"eigenvalue_{k}", "float64") for k in range(1, modes + 1)]
     moved = [name for name in known if name.startswith("parameter_")]
@@ -106,9 +104,7 @@ def _missed(found: Sequence[Source], aims: Mapping[Path, Aims]) -> Iterator[str]
         missed = [run.short_name for run in begun if aims[run.path].missed(run.states())]
         words = []
         if missed:
-            words.append(
-                f"{len(missed)} of {len(points)} points have not reached their targets: {listed(missed)}"
-            )
+            words.append(f"targets not reached at {len(missed)} of {len(points)} points: {listed(missed)}")
         if len(begun) < len(points):
             words.append(f"{len(points) - len(begun)} of {len(points)} points not run yet")
         if words:

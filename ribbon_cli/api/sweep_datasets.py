@@ -50,7 +50,7 @@ def dataset(sweep: api.OpenSweep, modes: int) -> Dataset:
     states = [(place, run, state) for place, run in runs for state in _states(run, sweep.keys)]
     if not states:
         raise UsageError(
-            f"the sweep {sweep.name} has no state where its points lead: `ribbon sweep` runs them"
+            f"the sweep {sweep.name} has no state at its targets yet: `ribbon sweep` runs its points"
         )
     inner = _inner(states)
     placed: dict[Cell, tuple[Run, Summary]] = {}
