@@ -9,12 +9,10 @@ from typing import Any
 from ribbon_cli.config import Config
 from ribbon_cli.facts import same_value, same_width
 from ribbon_cli.parts import HALF_WIDTH, PARAMETERS
+from ribbon_cli.report.rows import LEADING
 from ribbon_cli.store import Run, Summary
 from ribbon_cli.study.plan import PlannedStage, plan_of
 from ribbon_cli.study.run_config import resolved_config
-
-_LEADING = ("schedule", "widths")
-"""Sections of a config whose keys say where it leads; those of others hold from the start."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +69,7 @@ class Aims:
 
 def is_leading(key: str) -> bool:
     """Whether a dotted key says where a schedule leads."""
-    return key.partition(".")[0] in _LEADING
+    return key.partition(".")[0] in LEADING
 
 
 def parameter_of(key: str) -> str:

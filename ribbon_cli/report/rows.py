@@ -13,10 +13,11 @@ from typing import Any
 
 from ribbon_cli import digits
 from ribbon_cli.errors import UsageError
-from ribbon_cli.report.where import condition
-from ribbon_cli.store import suggest
+from ribbon_cli.report.where import condition, near
 from ribbon_cli.text import aligned, visible
 
+LEADING = ("schedule", "widths")
+"""Sections of a config whose keys say where it leads; those of others hold from the start."""
 MISSING = "-"
 KINDS = {"float64": "number", "int64": "number", "bool": "truth", "utf-8": "text"}
 """What a column holds, in the words of conditions."""
@@ -64,7 +65,7 @@ class Rows:
         known = {column.name: column for column in self.columns}
         for name in names:
             if name not in known:
-                raise UsageError(f"--columns: no column {name!r}{suggest(name, known)}")
+                raise UsageError(f"--columns: no column {name!r}{near(name, known)}")
         return replace(self, columns=tuple(known[name] for name in names), shown=tuple(names))
 
     def values(self, column: Column) -> list[Any]:
