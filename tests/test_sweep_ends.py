@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -62,6 +63,20 @@ def test_a_picture_tells_of_points_that_failed_and_of_those_not_run(root: Path, 
         done = ribbon("plot", "legs", kind, "-o", str(tmp_path / f"{kind}.svg"), "--runs", str(root))
         assert (done.exit_code, MISSED in done.stderr) == (0, True), done.stderr
     assert ribbon_cli.open_sweep("legs", root).plot("table", over=KEYS[1]) is not None
+
+
+def test_shapes_have_titles_beside_each_other_and_each_state_once(root: Path) -> None:
+    figure = ribbon_cli.open_sweep("legs", root).plot("shapes", caption=False)
+    titles = [axes.title for axes in figure.axes if axes.get_title()]
+    texts = [title.get_text().replace("\n", ", ") for title in titles]
+    assert texts == [
+        f"span = {span}, shear = {shear}"
+        for span, shear in [("0.6", "0"), ("0.6", "-0.1"), ("0.6", "0.2"), ("0.97", "0"), ("0.97", "0.001")]
+    ]
+    figure.canvas.draw()
+    boxes = [title.get_window_extent() for title in titles]
+    assert not any(one.overlaps(other) for one, other in combinations(boxes, 2))
+    assert all(box.x0 >= 0 and box.x1 <= figure.bbox.x1 for box in boxes)
 
 
 def test_states_along_a_path_are_told_apart_by_their_own_parameters(root: Path) -> None:

@@ -23,6 +23,7 @@ from ribbon_cli.plot.labels import (
     LISTED,
     Placed,
     band_text,
+    lines,
     panel_titles,
     parameter_text,
     place_texts,
@@ -399,7 +400,9 @@ def _table(source: Source, style: Style) -> Picture:
 def _shapes(source: Source, style: Style) -> Picture:
     """Small multiples: the shapes of a sweep, each under what tells it from the others."""
     states, names = _thinned(source.states, MOST_PANELS), _thinned(source.names, MOST_PANELS)
-    panels = [Panel(record, name) for record, name in zip(states, names, strict=True)]
+    letters = letters_across(len(states), style)
+    titles = [lines(name.split(", "), letters) for name in names]
+    panels = [Panel(record, title) for record, title in zip(states, titles, strict=True)]
     left = len(source.states) - len(states)
     title = "Shapes" + (f", {len(states)} of {len(source.states)}" if left else "")
     figure = shapes_figure(panels, style, aligned=False, angles=source.angles)
