@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 
 import numpy as np
 import pytest
 from cli_support import ribbon
+from store_support import make_summary
 from table_runs import fill, walk
 
 import ribbon_cli
+from ribbon_cli.api.aims import Aims
 from ribbon_cli.api.gathering import gathered, sources
+from ribbon_cli.config import parse_config
 from ribbon_cli.plot.fields import Choice, chosen, curves
+from ribbon_cli.store import Summary
 
 FAILED = "legs-span0.97-shear0.2"
 MISSED = f"legs: targets not reached at 1 of 4 points: {FAILED}; 1 of 4 points not run yet"
@@ -86,6 +91,53 @@ def test_states_along_a_path_are_told_apart_by_their_own_parameters(root: Path) 
     assert [column.name for column in found.by] == ["ends.span"]
     ((_, path), _) = curves(table, found)
     assert [row["parameter_shear"] for row in path] == [-0.1, 0.0, 0.2]
+
+
+SCHEDULE = """
+topology: open
+length: 1
+ends: {span: 0.6}
+initial_guess: {recipe: strip, segments: 12, half_width: 0.1}
+schedule: [%s]
+"""
+
+
+def aims(*legs: str) -> Aims:
+    return Aims.of_config(parse_config(SCHEDULE % ", ".join(legs), "legs.yaml"))
+
+
+def at(**others: float) -> Summary:
+    state = make_summary(half_width=0.1, segments=12, length=1.0)
+    return replace(state, others={"span": 0.6, "shear": 0.0, "twist": 0.0, **others})
+
+
+def test_a_schedule_that_comes_back_ends_where_it_comes_back_to() -> None:
+    there_and_back = aims("{twist: 0.5}", "{twist: 0.2}")
+    key = "schedule.0.twist"  # which is what the state has gone through
+    assert there_and_back.holds(key, 0.5, at(twist=0.2))
+    assert not there_and_back.holds(key, 0.5, at(twist=0.5))
+    assert there_and_back.is_end(at(twist=0.2), [key])
+    assert not there_and_back.is_end(at(twist=0.5), [key])
+    assert there_and_back.holds("ends.span", 0.6, at(twist=0.5))
+    assert not there_and_back.holds("ends.span", 0.6, at(twist=0.2, span=0.5))
+    assert aims("{span: 0.5}").holds("ends.span", 0.6, at(span=0.5))  # which the schedule moves
+
+
+def test_a_key_of_a_branch_is_no_key_of_its_start() -> None:
+    followed = aims("{shear: 0.1}", "{arclength: {parameter: twist, to: 1, at: [0.3]}}")
+    start, met = at(shear=0.1), at(shear=0.1, twist=0.3)
+    assert not followed.is_end(start, ["schedule.1.arclength.to"])
+    assert followed.is_end(met, ["schedule.1.arclength.to"])
+    assert not followed.holds("schedule.1.arclength.to", 1.0, start)
+    assert followed.holds("schedule.0.shear", 0.1, start)
+    assert not followed.missed([start])
+
+
+def test_a_mesh_that_was_not_reached_is_missed() -> None:
+    config = parse_config(SCHEDULE % "{shear: 0.1}" + "refinement: [12, 24]", "legs.yaml")
+    coarse = at(shear=0.1)
+    assert Aims.of_config(config).missed([coarse])
+    assert not Aims.of_config(config).missed([coarse, replace(coarse, segments=24)])
 
 
 def test_a_state_continued_to_another_width_leaves_its_point(tmp_path: Path) -> None:

@@ -26,24 +26,27 @@ class Aims:
     @classmethod
     def of(cls, run: Run) -> Aims:
         """Those of a run's config. Raises StoreError, ConfigError where that cannot be read."""
-        config = resolved_config(run)
+        return cls.of_config(resolved_config(run))
+
+    @classmethod
+    def of_config(cls, config: Config) -> Aims:
+        """Those of a config."""
         planned = _equilibria(config)
         count = len(_equilibria(replace(config, arclength=None)))
         return cls(config, planned[:count], planned[count:])
 
-    def is_end(self, state: Summary, keys: Iterable[str]) -> bool:
+    def is_end(self, state: Summary, keys: Sequence[str]) -> bool:
         """Whether a state is where the config leads: where it last comes to the state's half-width.
 
         At a half-width that it does not name, a state is one if all else is as at the end, and if none of the
-        `keys` that vary leads to another half-width.
+        `keys` that vary says where it leads. If one of them is about the branch, only the branch counts.
         """
-        stages = (*self.walk, *self.branch)
-        wide = [s for s in stages if s.half_width is None or same_width(s.half_width, state.half_width)]
-        if wide:
-            return _is_at(state, wide[-1])
-        return not any(map(is_leading, keys)) and _is_at(state, stages[-1])
+        stages = self.branch if any(map(_of_branch, keys)) else (*self.walk, *self.branch)
+        return _is_last(state, stages) or (
+            not any(map(is_leading, keys)) and not _named(state, stages) and _is_at(state, stages[-1])
+        )
 
-    def holds(self, key: str, value: Any, state: Summary, keys: Iterable[str]) -> bool:
+    def holds(self, key: str, value: Any, state: Summary) -> bool:
         """Whether a key that varies is true of a state.
 
         One that says where the schedule leads is true of states at its end, and of points on the branch that
@@ -52,19 +55,27 @@ class Aims:
         """
         if is_leading(key):
             on_branch = self.config.arclength is not None and state.branch is not None
-            return on_branch or self.is_end(state, keys)
+            return on_branch or _is_last(state, () if _of_branch(key) else self.walk)
         return _own(key, value, state) or parameter_of(key) in self._moved()
 
     def missed(self, states: Sequence[Summary]) -> bool:
-        """Whether no state is at one of the equilibria that the schedule ends in."""
-        ends = {stage.half_width: stage for stage in self.walk}.values()
-        return not all(any(_is_at(state, end) for state in states) for end in ends)
+        """Whether one of the equilibria that the schedule ends in is not among these."""
+        ends = {(stage.half_width, stage.segments): stage for stage in self.walk}.values()
+        return not all(
+            any(end.segments in (None, state.segments) and _is_at(state, end) for state in states)
+            for end in ends
+        )
 
     def _moved(self) -> set[str]:
         branch = self.config.arclength
         return {name for leg in self.config.legs for name in leg.to} | (
             set() if branch is None else {branch.parameter}
         )
+
+
+def _of_branch(key: str) -> bool:
+    """Whether a dotted key is about the branch that a config follows."""
+    return "arclength" in key.split(".")
 
 
 def is_leading(key: str) -> bool:
@@ -95,6 +106,17 @@ def _own(key: str, value: Any, state: Summary) -> bool:
     if own is None or not isinstance(value, int | float):
         return True
     return same_value(parameter_of(key), own, value, state.length)
+
+
+def _named(state: Summary, stages: Iterable[PlannedStage]) -> list[PlannedStage]:
+    """The stages at a state's half-width, in order."""
+    return [s for s in stages if s.half_width is None or same_width(s.half_width, state.half_width)]
+
+
+def _is_last(state: Summary, stages: Iterable[PlannedStage]) -> bool:
+    """Whether a state is where stages last come to its half-width."""
+    named = _named(state, stages)
+    return bool(named) and _is_at(state, named[-1])
 
 
 def _is_at(state: Summary, stage: PlannedStage) -> bool:

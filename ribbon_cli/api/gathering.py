@@ -114,7 +114,7 @@ def _missed(found: Sequence[Source], aims: Mapping[Path, Aims]) -> Iterator[str]
 def _row(source: Source, state: Summary, modes: int, aims: Aims | None) -> dict[str, Any]:
     run, values = source.run, source.values or {}
     row = {
-        key: spelled(value) if aims is None or aims.holds(key, value, state, values) else None
+        key: spelled(value) if aims is None or aims.holds(key, value, state) else None
         for key, value in values.items()
     }
     row |= {"state": f"{run.name}:{state.label}", "sweep": source.sweep, **flat(state, run.name)}
