@@ -76,7 +76,7 @@ def test_shapes_have_titles_beside_each_other_and_each_state_once(root: Path) ->
     texts = [title.get_text().replace("\n", ", ") for title in titles]
     assert texts == [
         f"span = {span}, shear = {shear}"
-        for span, shear in [("0.6", "0"), ("0.6", "-0.1"), ("0.6", "0.2"), ("0.97", "0"), ("0.97", "0.001")]
+        for span, shear in [("0.6", "-0.1"), ("0.6", "0"), ("0.6", "0.2"), ("0.97", "0"), ("0.97", "0.001")]
     ]
     figure.canvas.draw()
     boxes = [title.get_window_extent() for title in titles]

@@ -133,7 +133,8 @@ def test_a_row_for_each_state_of_runs_and_sweeps(root: Path) -> None:
 
 
 def test_each_run_comes_once(root: Path) -> None:
-    assert len(sources(root, ["fam", "fam", "ring", "ring"])) == 6
+    found = sources(root, ["fam", "fam", "ring", "ring"])
+    assert [source.begun for source in found] == [True] * 5 + [False, True]
 
 
 def test_eigenvalues_are_those_stored(root: Path) -> None:

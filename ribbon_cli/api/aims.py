@@ -56,7 +56,11 @@ class Aims:
         if is_leading(key):
             on_branch = self.config.arclength is not None and state.branch is not None
             return on_branch or _is_last(state, () if _of_branch(key) else self.walk)
-        return _own(key, value, state) or parameter_of(key) in self._moved()
+        name = parameter_of(key)
+        own = state.parameters.get(name)
+        if own is None or not isinstance(value, int | float):
+            return True
+        return same_value(name, own, value, state.length) or self._moves(name, value)
 
     def missed(self, states: Sequence[Summary]) -> bool:
         """Whether one of the equilibria that the schedule ends in is not among these."""
@@ -66,11 +70,13 @@ class Aims:
             for end in ends
         )
 
-    def _moved(self) -> set[str]:
+    def _moves(self, name: str, value: Any) -> bool:
+        """Whether the config itself takes a parameter away from a value."""
         branch = self.config.arclength
-        return {name for leg in self.config.legs for name in leg.to} | (
-            set() if branch is None else {branch.parameter}
-        )
+        if branch is not None and branch.parameter == name:
+            return True
+        values = (stage.parameters.get(name, value) for stage in self.walk)
+        return any(not same_value(name, value, own, self.config.length) for own in values)
 
 
 def _of_branch(key: str) -> bool:
@@ -98,14 +104,6 @@ def repeats(key: str, row: Mapping[str, Any]) -> bool:
     return value is None or (
         isinstance(value, int | float) and own is not None and same_value(name, value, own, row["length"])
     )
-
-
-def _own(key: str, value: Any, state: Summary) -> bool:
-    """Whether a state has the value of the parameter that a key sets; true of a key that sets none."""
-    own = state.parameters.get(parameter_of(key))
-    if own is None or not isinstance(value, int | float):
-        return True
-    return same_value(parameter_of(key), own, value, state.length)
 
 
 def _named(state: Summary, stages: Iterable[PlannedStage]) -> list[PlannedStage]:
