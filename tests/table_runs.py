@@ -40,7 +40,7 @@ config:
   topology: open
   length: 1
   ends: {span: 0.6}
-  initial_guess: {recipe: strip, segments: 12, half_width: 0.03}
+  initial_guess: {recipe: strip, segments: 8, half_width: 0.03}
   schedule: [{shear: 0.1}]
   spectrum: {modes: 1, full_up_to: 0, metrics: [physical]}
 vary:

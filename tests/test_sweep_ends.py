@@ -10,14 +10,15 @@ import numpy as np
 import pytest
 from cli_support import ribbon
 from store_support import make_summary
-from table_runs import fill, walk
+from table_runs import SWEEP, walk
 
 import ribbon_cli
 from ribbon_cli.api.aims import Aims
 from ribbon_cli.api.gathering import gathered, sources
-from ribbon_cli.config import parse_config
+from ribbon_cli.config import load_sweep, parse_config
 from ribbon_cli.plot.fields import Choice, chosen, curves
-from ribbon_cli.store import Summary
+from ribbon_cli.store import Summary, keep_sweep
+from ribbon_cli.study import solve_config
 
 FAILED = "legs-span0.97-shear0.2"
 MISSED = f"legs: targets not reached at 1 of 4 points: {FAILED}; 1 of 4 points not run yet"
@@ -141,13 +142,15 @@ def test_a_mesh_that_was_not_reached_is_missed() -> None:
 
 
 def test_a_state_continued_to_another_width_leaves_its_point(tmp_path: Path) -> None:
-    fill(tmp_path)
-    first = ribbon_cli.open_sweep("fam", tmp_path).points[0]
-    ribbon("continue", f"{first.path.name}:1", "--to", "0.12", "--runs", str(tmp_path))
+    (tmp_path / "fam.yaml").write_text(SWEEP)
+    sweep = load_sweep(tmp_path / "fam.yaml")
+    keep_sweep(tmp_path, sweep)
+    solve_config(sweep.points[0].config, tmp_path)
+    ribbon("continue", f"{sweep.points[0].run}:1", "--to", "0.12", "--runs", str(tmp_path))
     rows = gathered(sources(tmp_path, ["fam"]))
     widths = [(row["initial_guess.half_width"], row["half_width"]) for row in rows.rows]
-    assert widths[:2] == [(0.1, 0.1), (None, 0.12)]
-    assert rows.missed == ("fam: 1 of 6 points not run yet",)
+    assert widths == [(0.1, 0.1), (None, 0.12)]
+    assert rows.missed == ("fam: 5 of 6 points not run yet",)
     data = ribbon_cli.open_sweep("fam", tmp_path).to_xarray()
-    assert data["energy"].dims[-1] == "half_width"  # which tells the states apart
-    assert int(data["energy"].notnull().sum()) == 6
+    assert data["energy"].dims[-1] == "initial_guess.half_width"
+    assert int(data["energy"].notnull().sum()) == 1

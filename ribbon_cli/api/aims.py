@@ -35,16 +35,12 @@ class Aims:
         count = len(_equilibria(replace(config, arclength=None)))
         return cls(config, planned[:count], planned[count:])
 
-    def is_end(self, state: Summary, keys: Sequence[str]) -> bool:
+    def is_end(self, state: Summary, keys: Iterable[str]) -> bool:
         """Whether a state is where the config leads: where it last comes to the state's half-width.
 
-        At a half-width that it does not name, a state is one if all else is as at the end, and if none of the
-        `keys` that vary says where it leads. If one of them is about the branch, only the branch counts.
+        If one of the `keys` that vary is about the branch, only what the branch was to meet is.
         """
-        stages = self.branch if any(map(_of_branch, keys)) else (*self.walk, *self.branch)
-        return _is_last(state, stages) or (
-            not any(map(is_leading, keys)) and not _named(state, stages) and _is_at(state, stages[-1])
-        )
+        return _is_last(state, self.branch if any(map(_of_branch, keys)) else (*self.walk, *self.branch))
 
     def holds(self, key: str, value: Any, state: Summary) -> bool:
         """Whether a key that varies is true of a state.
@@ -106,15 +102,11 @@ def repeats(key: str, row: Mapping[str, Any]) -> bool:
     )
 
 
-def _named(state: Summary, stages: Iterable[PlannedStage]) -> list[PlannedStage]:
-    """The stages at a state's half-width, in order."""
-    return [s for s in stages if s.half_width is None or same_width(s.half_width, state.half_width)]
-
-
 def _is_last(state: Summary, stages: Iterable[PlannedStage]) -> bool:
-    """Whether a state is where stages last come to its half-width."""
-    named = _named(state, stages)
-    return bool(named) and _is_at(state, named[-1])
+    """Whether a state is where stages last come to its half-width; False where they never do."""
+    b = state.half_width
+    there = [stage for stage in stages if stage.half_width is None or same_width(stage.half_width, b)]
+    return bool(there) and _is_at(state, there[-1])
 
 
 def _is_at(state: Summary, stage: PlannedStage) -> bool:
