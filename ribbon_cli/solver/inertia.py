@@ -20,7 +20,7 @@ import scipy
 from numpy.typing import NDArray
 
 from ..model.band import Array
-from ..model.constraints import PER_NODE
+from ..model.entries import PER_NODE
 from .kkt import BLOCK, FactorisationError, KKTMatrix
 
 CHUNK = 1024
