@@ -30,7 +30,9 @@ from ribbon_cli.solver.arclength import nearest
 from ribbon_cli.solver.climbing import climb
 from ribbon_cli.store import Run, list_runs
 from ribbon_cli.store.events import SurveyStart, read_event
+from ribbon_cli.study import standing
 from ribbon_cli.study.acceptance import options_for
+from ribbon_cli.study.status import Counts
 from ribbon_cli.surveys import Findings, Request, findings, survey_config
 from ribbon_cli.surveys.census import accumulation, estimate
 from ribbon_cli.surveys.explore import Task, explore
@@ -248,7 +250,11 @@ def test_an_interrupted_survey_goes_on_to_the_same_bytes(surveyed: Run, tmp_path
 
     with pytest.raises(StopHereError):
         survey_config(made(), tmp_path, REQUEST, progress=watch)
+    (stopped,) = list_runs(tmp_path)
+    # What its config names is nothing that a survey waits for, and how many starts it was to take is not kept.
+    assert (standing(stopped).status, standing(stopped).counts) == ("unknown", Counts())
     again = survey_config(made(), tmp_path, REQUEST).run
+    assert (standing(again).status, standing(again).counts) == ("complete", Counts(complete=True))
     assert hashes(again) == hashes(surveyed)
     assert plain(findings(again)) == plain(findings(surveyed))
 

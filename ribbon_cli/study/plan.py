@@ -6,9 +6,9 @@ import math
 from bisect import bisect_left, bisect_right, insort
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
-from ..config import Config
+from ..config import Arclength, Config
 from ..digits import duration, memory
 from ..facts import TOLERANCE, same_value, same_width
 from ..parts import HALF_WIDTH, PARAMETERS
@@ -200,13 +200,11 @@ def plan_of(config: Config, given: tuple[float, int] | None = None) -> Plan:
             stages.append(_stage(goal.refined(n), "equilibrium", place, n))
     branch = config.arclength
     if branch is not None:
-        symbol = PARAMETERS[branch.parameter].symbol
-        words = f"a branch followed towards {symbol} = {branch.to:.12g}"
-        words += ", and the other way" if branch.both else ""
-        for value in (*branch.at, branch.to):
+        for value in branch.at:
             at = {**place, branch.parameter: value}
-            stages.append(_stage(f"{words}, meeting {symbol} = {value:.12g}", "equilibrium", at, first))
-        stages[-1] = replace(stages[-1], name=words, kind="intermediate")
+            stages.append(_stage(meeting(branch, value), "equilibrium", at, first))
+        end = {**place, branch.parameter: branch.to}
+        stages.append(_stage(_towards(branch), "intermediate", end, first))
     cost = sum(_cost(config, s) for s in stages)
     what = "" if config.schedule else " in width"
     halving = f"a step{what} that fails is halved; the additional stages are not counted"
@@ -214,6 +212,17 @@ def plan_of(config: Config, given: tuple[float, int] | None = None) -> Plan:
     if branch is not None:
         notes = (*notes, f"a branch takes up to {branch.steps} steps; their cost is not counted")
     return Plan(tuple(stages), cost, (*guess_notes(config), *notes, *level_notes(config, stages)))
+
+
+def _towards(branch: Arclength) -> str:
+    """A branch in words."""
+    words = f"a branch followed towards {PARAMETERS[branch.parameter].symbol} = {branch.to:.12g}"
+    return words + (", and the other way" if branch.both else "")
+
+
+def meeting(branch: Arclength, value: float) -> str:
+    """The planned stage of a value that a branch is to meet."""
+    return f"{_towards(branch)}, meeting {PARAMETERS[branch.parameter].symbol} = {value:.12g}"
 
 
 def level_notes(config: Config, stages: Sequence[PlannedStage]) -> tuple[str, ...]:
