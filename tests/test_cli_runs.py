@@ -349,6 +349,10 @@ def test_ls_tells_how_far_a_run_has_come(tmp_path, monkeypatch):
     with made.writing():
         made.log_event("ended", exit_code=3, missed=[[0.9, 10]])
     assert counts(standing_of("ring")) == ("failed", 1, 0, 0, 2)
+    assert ribbon("show", "ring").stdout.splitlines()[:3:2] == [
+        "1 of 3 targets not reached: b = 0.9",
+        "1 of 3 targets without certificate: b = 0.8",
+    ]
     assert ribbon("ls", "--status", "complete", "-q").stdout == ""
     assert len(ribbon_json("ls", "--status", "failed")) == 1
     assert "did you mean failed?" in ribbon("ls", "--status", "fialed").stderr
@@ -392,6 +396,9 @@ def test_what_a_command_adds_at_a_width_reaches_no_target_there(tmp_path, monkey
         made.commit(make_record(4, half_width=0.05, segments=10, stage="state 1 refined to N = 10"))
     assert counts(standing_of("moved")) == ("failed", 2, 0, 0, 1)
     assert len(ribbon_json("ls", "--status", "failed")) == 1
+    said = ribbon("show", "moved").stdout.splitlines()[0]
+    assert said == f"1 of 3 targets not reached: {symbol} = 0.2"
+    assert ribbon_json("show", "moved")["not_reached"] == [f"{symbol} = 0.2"]
 
 
 def test_ls_counts_each_visit_of_a_schedule(tmp_path, monkeypatch):

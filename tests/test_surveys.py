@@ -251,7 +251,7 @@ def test_an_interrupted_survey_goes_on_to_the_same_bytes(surveyed: Run, tmp_path
     with pytest.raises(StopHereError):
         survey_config(made(), tmp_path, REQUEST, progress=watch)
     (stopped,) = list_runs(tmp_path)
-    # What its config names is nothing that a survey waits for, and how many starts it was to take is not kept.
+    # A survey does not wait for what its config names, and how many starts it was to take is not kept.
     assert (standing(stopped).status, standing(stopped).counts) == ("unknown", Counts())
     again = survey_config(made(), tmp_path, REQUEST).run
     assert (standing(again).status, standing(again).counts) == ("complete", Counts(complete=True))

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from itertools import product
 from typing import Any
 
 from ..config import Arclength, Config
@@ -21,6 +23,9 @@ RUN_STATUSES = ("complete", "running", "waiting", "failed", "damaged", "unknown"
 STATE_STATUSES = (*(status.value for status in Status), "missing", "unreadable", "damaged")
 """Words for a state: outcomes of a solve, or what has become of its file."""
 
+MOST_NAMED = 12
+"""Most targets that are named in a line."""
+
 Place = tuple[float | None, int]
 """Half-width and N of an equilibrium that a config names, by which the log tells which were missed."""
 
@@ -28,8 +33,8 @@ Place = tuple[float | None, int]
 @dataclass(frozen=True)
 class Counts:
     """Of the equilibria that a config names, `done` have a certificate, `failed` were not reached or have
-    none, `running` is in hand and `waiting` is left; None where the config does not tell, and of surveys, which
-    do not follow their config.
+    none, `running` is in hand and `waiting` is left; None where the config does not tell, and of
+    surveys, which do not follow their config.
     """
 
     complete: bool | None = None
@@ -41,7 +46,10 @@ class Counts:
 
 @dataclass(frozen=True)
 class Standing:
-    """A run in a few words; `damage` is empty or says why the rest is unknown."""
+    """A run in a few words; `damage` is empty or says why the rest is unknown.
+
+    `targets` are the stages of the equilibria that its config names, in order, with what came of each.
+    """
 
     run: Run
     status: str
@@ -51,6 +59,20 @@ class Standing:
     counts: Counts = Counts()
     holder: Holder | None = None
     damage: str = ""
+    targets: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def failures(self) -> tuple[str, ...]:
+        """The targets that were not reached, and those without certificate, a line each."""
+        told = {"missed": "not reached", "uncertified": "without certificate"}
+        lines = []
+        for word, said in told.items():
+            names = [name for name, status in self.targets.items() if status == word]
+            if names:
+                more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
+                listed = "; ".join(names[:MOST_NAMED])
+                lines.append(f"{len(names)} of {len(self.targets)} targets {said}: {listed}{more}")
+        return tuple(lines)
 
     def to_dict(self) -> dict[str, Any]:
         """The run for JSON, as `ribbon ls` gives it."""
@@ -65,6 +87,7 @@ class Standing:
             "states": self.states,
             "last_change": self.last_change,
             **asdict(self.counts),
+            "not_reached": [name for name, word in self.targets.items() if word == "missed"],
             "holder": None if self.holder is None else asdict(self.holder),
             "damage": self.damage,
         }
@@ -78,50 +101,58 @@ def standing(run: Run) -> Standing:
     except StoreError as error:
         return Standing(run, "damaged", damage=str(error))
     holder = run.holder()
-    counts = _counts(run, events, states, holder is not None)
-    changed = events[-1].time if events else None
-    status = _status(counts, holder is not None)
-    return Standing(run, status, len(states), len(run.entries()), changed, counts, holder)
-
-
-def _counts(run: Run, events: list[Event], states: list[Summary], held: bool) -> Counts:
-    """How many of the planned equilibria are in which state.
-
-    A stage is found by its name, as resuming finds it: what `ribbon continue` or `ribbon refine` added at the
-    same place reaches no target of the config.
-    """
+    held = holder is not None
+    targets = None
     if any(isinstance(event, SurveyStart) for event in events):
-        return Counts(_whole_survey(events))
+        counts = Counts(_whole_survey(events))
+    else:
+        targets = _targets(run, events, states, held)
+        counts = Counts() if targets is None else _counts(targets, held)
+    changed = events[-1].time if events else None
+    facts = (len(states), len(run.entries()), changed, counts, holder)
+    return Standing(run, _status(counts, held), *facts, targets=targets or {})
+
+
+def _targets(run: Run, events: list[Event], states: list[Summary], held: bool) -> dict[str, str] | None:
+    """What came of each planned equilibrium, by its stage; None where they cannot be told.
+
+    `done`, `uncertified`, `missed`, `beyond` the event at which the config stops, or `waiting`. A stage is
+    found by its name, as resuming finds it: what `ribbon continue` or `ribbon refine` added at the same
+    place reaches no target of the config.
+    """
     config = _config(run)
     planned = None if config is None else _planned(run, config)
     if config is None or planned is None:
-        return Counts()
+        return None
     ends = _ends(run, states, config.arclength)
     kept = start_name(config) if config.guess.keep_saddle else None
-    reached = planned.keys() & ends.keys()
-    # A point of a branch is what was asked for, stable or not, and so is the saddle that it begins at.
-    done = {
-        name
-        for name in reached
-        if any(
-            state.certified or state.branch or (name == kept and state.status == "saddle")
-            for state in ends[name]
-        )
-    }
+    found = dict.fromkeys(planned, "waiting")
+    for name in planned.keys() & ends.keys():
+        # A point of a branch is what was asked for, stable or not, and so is the saddle that it begins at.
+        good = (s.certified or s.branch or (name == kept and s.status == "saddle") for s in ends[name])
+        found[name] = "done" if any(good) else "uncertified"
     ended = [event for event in events if isinstance(event, Ended)]
-    missed = Counter(ended[-1].missed) if ended and not held else Counter()
-    left = Counter(place for name, place in planned.items() if name not in done)
-    left -= Counter(ended[-1].beyond) if ended else Counter()
-    bad = Counter(planned[name] for name in reached - done)
-    failed = (left & (bad + missed)).total()
-    waiting = left.total() - failed
-    running = int(held and waiting > 0)
-    return Counts(left <= bad, len(done), running, waiting - running, failed)
+    if ended:
+        told = (("beyond", Counter(ended[-1].beyond)), ("missed", Counter(() if held else ended[-1].missed)))
+        # The log has half-width and N alone: of several stages there the last are those not reached.
+        for (word, left), name in product(told, reversed(planned)):
+            if found[name] == "waiting" and left[planned[name]] > 0:
+                found[name] = word
+                left[planned[name]] -= 1
+    return found
+
+
+def _counts(found: dict[str, str], held: bool) -> Counts:
+    """How many of the planned equilibria are in which state."""
+    many = Counter(found.values())
+    running = int(held and many["waiting"] > 0)
+    failed, waiting = many["missed"] + many["uncertified"], many["waiting"] - running
+    return Counts(not many["missed"] + many["waiting"], many["done"], running, waiting, failed)
 
 
 def _whole_survey(events: list[Event]) -> bool | None:
-    """Whether a survey came to its end. None where its log does not tell, as how many starts were asked for is
-    not kept: it was interrupted, or an older version made it."""
+    """Whether a survey came to its end. None where its log does not tell, as how many starts were asked for
+    is not kept: it was interrupted, or an older version made it."""
     last = next(
         event for event in reversed(events) if isinstance(event, (SurveyStart, SurveyFollowed, Ended))
     )
