@@ -234,6 +234,10 @@ MISTAKES = [
         "5:25: schedule[0].half_width: must be < 1, the band's length, got 1",
     ),
     (
+        STRIP + "schedule: [{arclength: {parameter: shear, to: 0.1, at: [0.1, 0.2]}}]\n",
+        "5:62: schedule[0].arclength.at[1]: must be between 0 and 0.1, where the branch is followed, got 0.2",
+    ),
+    (
         STRIP + "schedule: [{arclength: {to: 0.1}}, {shear: 0.1}]\n",
         "5:24: schedule[0].arclength: must be the last leg",
     ),

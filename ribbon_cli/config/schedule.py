@@ -97,4 +97,4 @@ def _branch(
         inner.report("parameter", strips.without(name, kind, parts))
     start = here.get(named)
     known = start is not None and not math.isnan(start)
-    return branch_of(inner, "where it begins", start if known else None, reader.length)
+    return branch_of(reader, inner, "where it begins", start if known else None)
