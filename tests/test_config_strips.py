@@ -230,6 +230,10 @@ MISTAKES = [
         "the start, which must be less than the length 1",
     ),
     (
+        STRIP + "schedule: [{}, {shear: 0.05}]\n",
+        "5:12: schedule[0]: moves nothing: it names no parameter",
+    ),
+    (
         STRIP + "schedule: [{half_width: 1}]\n",
         "5:25: schedule[0].half_width: must be < 1, the band's length, got 1",
     ),

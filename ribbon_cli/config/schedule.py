@@ -31,6 +31,8 @@ def schedule(reader: Reader, node: Node, kind: strips.Topology, parts: Parts, ha
         if "arclength" in found.nodes:
             branch = _branch(reader, found, k == len(node.items) - 1, kind, parts, here)
             continue
+        if item.kind == "mapping" and not item.items:
+            reader.report(item, field, "moves nothing: it names no parameter")
         leg = _leg(reader, found)
         if leg is None or not leg.to.keys() <= here.keys():
             continue
