@@ -267,6 +267,20 @@ MISTAKES = [
 ]
 
 
+@pytest.mark.parametrize(
+    ("legs", "told"),
+    [
+        ("{twist: 90}", ["twist = 90 is 14.3 turns, as angles are in radians; 90 degrees are 1.5708"]),
+        ("{arclength: {parameter: tilt, to: -30}}", ["tilt = -30 is 4.77 turns, as angles are in radians; "]),
+        ("{twist: 2*pi, tilt: 0.5}", []),
+    ],
+)
+def test_an_angle_that_may_be_in_degrees_is_noted(legs: str, told: list[str]) -> None:
+    notes = [note for note in plan_of(config(f"{STRIP}schedule: [{legs}]\n")).notes if "radians" in note]
+    assert len(notes) == len(told)
+    assert all(map(str.startswith, notes, told))
+
+
 @pytest.mark.parametrize(("text", "line"), MISTAKES)
 def test_one_mistake_gives_one_message(text: str, line: str) -> None:
     assert problems_of(text, "s.yaml") == [f"s.yaml:{line}"]

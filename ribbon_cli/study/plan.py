@@ -211,7 +211,11 @@ def plan_of(config: Config, given: tuple[float, int] | None = None) -> Plan:
     notes = (halving,) if moves else ()
     if branch is not None:
         notes = (*notes, f"a branch takes up to {branch.steps} steps; their cost is not counted")
-    return Plan(tuple(stages), cost, (*guess_notes(config), *notes, *level_notes(config, stages)))
+    return Plan(
+        tuple(stages),
+        cost,
+        (*guess_notes(config), *angle_notes(config), *notes, *level_notes(config, stages)),
+    )
 
 
 def _towards(branch: Arclength) -> str:
@@ -223,6 +227,26 @@ def _towards(branch: Arclength) -> str:
 def meeting(branch: Arclength, value: float) -> str:
     """The planned stage of a value that a branch is to meet."""
     return f"{_towards(branch)}, meeting {PARAMETERS[branch.parameter].symbol} = {value:.12g}"
+
+
+def angle_notes(config: Config) -> tuple[str, ...]:
+    """What angles beyond a whole turn come to: most likely they are meant in degrees."""
+    places = [config.start(), *(leg.to for leg in config.legs)]
+    if (branch := config.arclength) is not None:
+        ends = (branch.to, branch.back_to, *branch.at)
+        places += [{branch.parameter: value} for value in ends if value is not None]
+    notes = []
+    for name, parameter in PARAMETERS.items():
+        values = [place[name] for place in places if name in place]
+        if parameter.kind == "angle" and values:
+            most = max(values, key=abs)
+            if abs(most) > 2.0 * math.pi * (1.0 + TOLERANCE):
+                turns, meant = abs(most) / (2.0 * math.pi), math.radians(most)
+                notes.append(
+                    f"{name} = {most:.10g} is {turns:.3g} turns, as angles are in radians; "
+                    f"{most:.10g} degrees are {meant:.6g}"
+                )
+    return tuple(notes)
 
 
 def level_notes(config: Config, stages: Sequence[PlannedStage]) -> tuple[str, ...]:
