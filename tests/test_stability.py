@@ -118,6 +118,10 @@ def test_what_decides() -> None:
     assert (stable.kind, stable.gap, stable.negative) == ("stable", 1.0, 0)
     assert "sliding, free in the continuum, costs 0.001" in stable.sentence
     assert "1 checkerboard mode, of" in stable.sentence
+    assert "hidden" not in stable.sentence
+    alternating = judge((replace(mode(0.5), hidden=0.754),), TRUSTED, [], False)
+    assert (alternating.kind, alternating.gap) == ("stable", 0.5)
+    assert "gap 0.5 of a mode that alternates over few facets (hidden 0.75)" in alternating.sentence
     short = judge((*ROTATIONS, mode(1e-3, "sliding")), TRUSTED, [], False)
     assert (short.kind, short.gap) == ("stable", None)
     assert "not among the modes computed" in short.sentence

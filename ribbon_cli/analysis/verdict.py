@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from ..report.spectra import Mode
 from ..solver.inertia import Inertia
+from ..solver.spectra import CHECKERBOARD_SHARE
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,8 @@ def judge(modes: tuple[Mode, ...], counted: Inertia, doubts: list[str], complete
         more = counted.negative > len(negative) and len(negative) == len(others) and not complete
         if not more:
             doubts.append(f"the inertia counts {counted.negative} negative, the spectrum {len(negative)}")
-    gap = next((mode.value for mode in others if mode.label == "mode"), None)
+    lowest = next((mode for mode in others if mode.label == "mode"), None)
+    gap = None if lowest is None else lowest.value
     if doubts:
         words = "undecided: " + "; ".join(doubts)
         rest = [mode for mode in others if mode not in unsure]
@@ -50,7 +52,7 @@ def judge(modes: tuple[Mode, ...], counted: Inertia, doubts: list[str], complete
         return Verdict("undecided", words, None, gap)
     if counted.negative:
         return Verdict("unstable", _unstable(negative, counted.negative), counted.negative, gap)
-    return Verdict("stable", _stable(others, gap), 0, gap)
+    return Verdict("stable", _stable(others, lowest), 0, gap)
 
 
 def _called(mode: Mode) -> str:
@@ -67,9 +69,11 @@ def _unstable(negative: list[Mode], count: int) -> str:
     return words
 
 
-def _stable(others: list[Mode], gap: float | None) -> str:
-    shown = "not among the modes computed" if gap is None else f"{gap:.6g}"
+def _stable(others: list[Mode], gap: Mode | None) -> str:
+    shown = "not among the modes computed" if gap is None else f"{gap.value:.6g}"
     words = f"stable minimum modulo symmetries with gap {shown}"
+    if gap is not None and gap.hidden > CHECKERBOARD_SHARE:
+        words += f" of a mode that alternates over few facets (hidden {gap.hidden:.2f}), a value of this grid"
     sliding = [mode for mode in others if mode.label == "sliding"]
     checkerboard = [mode for mode in others if mode.label == "checkerboard"]
     if sliding:

@@ -13,5 +13,5 @@ def extra(name: str, what: str) -> ModuleType:
     except ModuleNotFoundError as error:
         if error.name != name:
             raise
-        advice = f"`pip install {name}`, or `pip install '.[notebook]'` in ribbon's folder"
+        advice = f"`pip install {name}`, or `pip install -e '.[notebook]'` in ribbon's folder"
         raise ImportError(f"{what} needs {name}, which is not installed: {advice}", name=name) from None

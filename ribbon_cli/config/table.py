@@ -116,22 +116,24 @@ ENDS = Section((
     Key("span", SIGNED, "place of the end along the start's tangent", otherwise="required, unless free"),
     Key("lift", SIGNED, "its place across the start's tangent and ruling", 0),
     Key("shear", SIGNED, "its place along the start's ruling", 0),
-    Key("twist", SIGNED, "turn of the end's frame about the start's tangent", 0),
-    Key("tilt", SIGNED, "turn of the end's frame about the ruling, before the twist", 0),
+    Key("twist", SIGNED, "turn of the end's frame about the start's tangent, in radians", 0),
+    Key("tilt", SIGNED, "turn of the end's frame about the ruling, before the twist, in radians", 0),
     Key("start_eta", SIGNED, "cotangent of the angle between ruling and tangent at the start", 0),
     Key("end_eta", SIGNED, "cotangent of the angle between ruling and tangent at the end", 0),
 ))
 MATERIAL = Section((
-    Key("natural_curvature", SIGNED, "curvature of the midline without loads", 0),
+    Key("natural_curvature", SIGNED, "curvature of the midline without loads, in 1/length", 0),
     Key("poisson", Number(-1.0, above=-1.0, high=0.5),
         "Poisson's ratio; it matters only with a natural curvature", 0),
 ))
 LOADS = Section((
-    Key("gravity", SIGNED, "weight per area", 0),
+    Key("gravity", SIGNED, "weight per area over 2D, in 1/length^3, with the plate's stiffness D", 0),
     Key("gravity_direction", Vector(SIGNED), "direction of the weight, of any length",
         Loads.gravity_direction),
-    Key("end_force", Vector(SIGNED), "dead force on the end's midpoint", Loads.end_force),
-    Key("point_force", Vector(SIGNED), "dead force on a point of the midline", Loads.point_force),
+    Key("end_force", Vector(SIGNED), "dead force on the end's midpoint over 2D, in 1/length",
+        Loads.end_force),
+    Key("point_force", Vector(SIGNED), "dead force on a point of the midline over 2D, in 1/length",
+        Loads.point_force),
     Key("point_at", Number(below=1.0, limit="the midline's end"),
         "where it acts, as a fraction of the length from the start", Loads.point_at),
 ))

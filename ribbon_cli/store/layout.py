@@ -141,8 +141,8 @@ STATE = _items((
     ("/state/energy", "float64", "", "s", "(2.14)",
      "Q_h with q_i = |u_i - u_{i-1}|^2 / 2, not divided by pi b"),
     ("/state/bending_energy", "float64", "", "o", "",
-     "bending energy int H^2 da alone, where `energy` is a total potential with natural curvature or loads; "
-     "absent: `energy` is the bending energy"),
+     "elastic energy, int H^2 da and what a natural curvature adds to it, without loads; "
+     "absent: neither is there, and `energy` is int H^2 da"),
     ("/certificate/status", "utf-8", "", "s", "",
      "outcome in one word: minimum, saddle, stalled, ..."),
     ("/certificate/message", "utf-8", "", "s", "",

@@ -130,7 +130,7 @@ def _package(name: str) -> ModuleType:
     try:
         return importlib.import_module(name)
     except ModuleNotFoundError as error:
-        advice = "`pip install '.[cluster]'` in ribbon's folder brings it"
+        advice = "`pip install -e '.[cluster]'` in ribbon's folder brings it"
         raise RibbonError(
             f"--dask needs {name.replace('_', '-')}, which is not installed: {advice}"
         ) from error
