@@ -6,6 +6,7 @@ import os
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import h5py
 import numpy as np
@@ -18,6 +19,7 @@ from ribbon_cli.store import Run, encode, write_atomic
 from ribbon_cli.study.failure import Failure
 from ribbon_cli.study.plan import plan_of
 from ribbon_cli.study.walk import Walk
+from ribbon_cli.sweeps.standing import standing
 from ribbon_cli.verify.reruns import by_command
 
 FROZEN = Path(__file__).parent / "data" / "format-1.0"
@@ -399,6 +401,8 @@ def test_what_a_command_adds_at_a_width_reaches_no_target_there(tmp_path, monkey
     said = ribbon("show", "moved").stdout.splitlines()[0]
     assert said == f"1 of 3 targets not reached: {symbol} = 0.2"
     assert ribbon_json("show", "moved")["not_reached"] == [f"{symbol} = 0.2"]
+    point = SimpleNamespace(run=made.path.name, exists=True, path=made.path)
+    assert standing(SimpleNamespace(folder=tmp_path), point).failures == (said,)
 
 
 def test_ls_counts_each_visit_of_a_schedule(tmp_path, monkeypatch):
