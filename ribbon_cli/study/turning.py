@@ -39,8 +39,9 @@ def turns_back(journal: Journal, current: Summary, name: str, beyond: float) -> 
 
 def soft_in_checkerboards(journal: Journal, current: Summary) -> bool:
     """Whether the softest mode stored of a state, or of the nearest one before it, is a checkerboard."""
-    for record in map(journal.load, _ancestors(journal, current)):
-        for spectrum in record.spectra:
+    for state in _ancestors(journal, current):
+        # From its file: the spectra of a record at hand may have been computed beside it.
+        for spectrum in journal.run.load(state.label).spectra:
             modes = (label for label in spectrum.labels if label not in ("rotation", "sliding"))
             if (softest := next(modes, None)) is not None:
                 return softest == "checkerboard"
