@@ -16,7 +16,9 @@ REASONS = {
     "names of stages, branches, causes or labels of lines": """
         study.branch._numbered study.branch_tables.courses study.journal.Journal.__init__ plot.branches._names
         plot.branches.arclength_figure plot.kinds._followed plot.levels._entries export.series.courses
-        report.spectra._reasons cli.render.history_lines cli.render.gathered cli.render.counts_text""",
+        study.status.Standing study.status._targets study.status._counts study.status._ends
+        study.status._planned report.spectra._reasons cli.render.history_lines cli.render.gathered
+        cli.render.counts_text""",
     "provenance: facts by name, of this version and of others": """
         study.clock study.clock.Clock study.clock.Clock.facts study.journal.Journal.__init__
         study.walk.Walk.__init__""",

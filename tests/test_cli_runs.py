@@ -6,6 +6,7 @@ import os
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import h5py
 import numpy as np
@@ -16,7 +17,9 @@ from store_support import make_record, make_run, relative_files
 from ribbon_cli.config import dump_resolved, parse_config
 from ribbon_cli.store import Run, encode, write_atomic
 from ribbon_cli.study.failure import Failure
+from ribbon_cli.study.plan import plan_of
 from ribbon_cli.study.walk import Walk
+from ribbon_cli.sweeps.standing import standing
 from ribbon_cli.verify.reruns import by_command
 
 FROZEN = Path(__file__).parent / "data" / "format-1.0"
@@ -339,18 +342,67 @@ def test_ls_tells_how_far_a_run_has_come(tmp_path, monkeypatch):
     made = Run.create_or_open("runs", config.name, config.hash8(), TWO_WIDTHS, dump_resolved(config))
     assert counts(standing_of("ring")) == ("waiting", 0, 0, 3, 0)
     with made.writing():
-        made.commit(make_record(1, half_width=0.5))
+        made.commit(make_record(1, half_width=0.5, stage="cylinder"))
         item = standing_of("ring")
         assert counts(item) == ("running", 1, 1, 1, 0)
         assert item["holder"]["pid"] == os.getpid()
-        made.commit(make_record(2, half_width=0.8, certified=False))
+        made.commit(make_record(2, half_width=0.8, certified=False, stage="b = 0.8"))
     assert counts(standing_of("ring")) == ("waiting", 1, 0, 1, 1)
     with made.writing():
         made.log_event("ended", exit_code=3, missed=[[0.9, 10]])
     assert counts(standing_of("ring")) == ("failed", 1, 0, 0, 2)
+    assert ribbon("show", "ring").stdout.splitlines()[:3:2] == [
+        "1 of 3 targets not reached: b = 0.9",
+        "1 of 3 targets without certificate: b = 0.8",
+    ]
     assert ribbon("ls", "--status", "complete", "-q").stdout == ""
     assert len(ribbon_json("ls", "--status", "failed")) == 1
     assert "did you mean failed?" in ribbon("ls", "--status", "fialed").stderr
+
+
+SHEARED = """\
+name: moved
+topology: open
+length: 1
+ends: {span: 0.7}
+initial_guess: {recipe: strip, segments: 10, half_width: 0.05}
+schedule: [{shear: 0.1}, {shear: 0.2}]
+"""
+CURVED = """\
+name: moved
+topology: {half_twists: 0}
+initial_guess: {recipe: cylinder, segments: 10, half_width: 0.05}
+schedule: [{natural_curvature: 0.1}, {natural_curvature: 0.2}]
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "first", "symbol"),
+    [(SHEARED, "strip", "shear"), (CURVED, "cylinder", "natural_curvature")],
+)
+def test_what_a_command_adds_at_a_width_reaches_no_target_there(tmp_path, monkeypatch, text, first, symbol):
+    monkeypatch.chdir(tmp_path)
+    config = parse_config(text, "moved.yaml")
+    made = Run.create_or_open("runs", config.name, config.hash8(), text, dump_resolved(config))
+    names = [stage.name for stage in plan_of(config).stages]
+    assert names[0] == first
+    with made.writing():
+        for label, stage in enumerate(names[:2], start=1):
+            made.commit(make_record(label, half_width=0.05, stage=stage))
+    assert counts(standing_of("moved")) == ("waiting", 2, 0, 1, 0)
+    with made.writing():
+        made.log_event("ended", exit_code=3, missed=[[0.05, 10]])
+    assert counts(standing_of("moved")) == ("failed", 2, 0, 0, 1)
+    with made.writing():
+        made.commit(make_record(3, half_width=0.05, stage=f"from 2, {symbol} = 0.15"))
+        made.commit(make_record(4, half_width=0.05, segments=10, stage="state 1 refined to N = 10"))
+    assert counts(standing_of("moved")) == ("failed", 2, 0, 0, 1)
+    assert len(ribbon_json("ls", "--status", "failed")) == 1
+    said = ribbon("show", "moved").stdout.splitlines()[0]
+    assert said == f"1 of 3 targets not reached: {symbol} = 0.2"
+    assert ribbon_json("show", "moved")["not_reached"] == [f"{symbol} = 0.2"]
+    point = SimpleNamespace(run=made.path.name, exists=True, path=made.path)
+    assert standing(SimpleNamespace(folder=tmp_path), point).failures == (said,)
 
 
 def test_ls_counts_each_visit_of_a_schedule(tmp_path, monkeypatch):

@@ -230,8 +230,16 @@ MISTAKES = [
         "the start, which must be less than the length 1",
     ),
     (
+        STRIP + "schedule: [{}, {shear: 0.05}]\n",
+        "5:12: schedule[0]: moves nothing: it names no parameter",
+    ),
+    (
         STRIP + "schedule: [{half_width: 1}]\n",
         "5:25: schedule[0].half_width: must be < 1, the band's length, got 1",
+    ),
+    (
+        STRIP + "schedule: [{arclength: {parameter: shear, to: 0.1, at: [0.1, 0.2]}}]\n",
+        "5:62: schedule[0].arclength.at[1]: must be between 0 and 0.1, where the branch is followed, got 0.2",
     ),
     (
         STRIP + "schedule: [{arclength: {to: 0.1}}, {shear: 0.1}]\n",
@@ -257,6 +265,20 @@ MISTAKES = [
         "natural_curvature",
     ),
 ]
+
+
+@pytest.mark.parametrize(
+    ("legs", "told"),
+    [
+        ("{twist: 90}", ["twist = 90 is 14.3 turns, as angles are in radians; 90 degrees are 1.5708"]),
+        ("{arclength: {parameter: tilt, to: -30}}", ["tilt = -30 is 4.77 turns, as angles are in radians; "]),
+        ("{twist: 2*pi, tilt: 0.5}", []),
+    ],
+)
+def test_an_angle_that_may_be_in_degrees_is_noted(legs: str, told: list[str]) -> None:
+    notes = [note for note in plan_of(config(f"{STRIP}schedule: [{legs}]\n")).notes if "radians" in note]
+    assert len(notes) == len(told)
+    assert all(map(str.startswith, notes, told))
 
 
 @pytest.mark.parametrize(("text", "line"), MISTAKES)

@@ -278,7 +278,7 @@ def test_ls_has_a_column_for_what_varies(run: Run, tmp_path: Path) -> None:
         (["--in", "twist", "--to", "x"], "must be a number such as 0.5 or pi/30, got 'x'"),
         (
             ["--in", "twist", "--to", "1", "--at", "2", "--arclength"],
-            "--at: 2 is not between twist = 0 and 1",
+            "--at: twist must be between 0 and 1, where the branch is followed, got 2",
         ),
         (
             ["--in", "twist", "--to", "1", "--arclength", "--both"],

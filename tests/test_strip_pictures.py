@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -28,7 +29,7 @@ from ribbon_cli.plot.pictures import Panel, family_figure, shapes_figure
 from ribbon_cli.plot.shape import draw_shape
 from ribbon_cli.plot.style import STYLES
 from ribbon_cli.plot.supports import plates
-from ribbon_cli.store import StateRecord
+from ribbon_cli.store import Run, StateRecord
 
 __all__ = ["strips"]
 PAPER = STYLES["paper"]
@@ -226,6 +227,18 @@ def test_pages_show_parameters_and_no_linking_number(strips: Path, name: str, pa
     assert f">{parameter}</th>" in page or name == "branch"
     assert "Tw + Wr found" in page
     assert ">Lk<" not in page
+
+
+def test_a_page_names_what_was_not_reached(strips: Path, tmp_path: Path, monkeypatch) -> None:
+    for part in ("_shapes", "_pictures", "_convergence"):  # which take seconds to draw
+        monkeypatch.setattr(f"ribbon_cli.pages.run.{part}", lambda *_: [])
+    run = Run(shutil.copytree(run_named(strips, "cantilever").path, tmp_path / "cantilever-00000000"))
+    last = run.states()[-1]
+    with run.writing():
+        run.remove_states((last.label,), ())
+        run.log_event("ended", exit_code=3, missed=[[last.half_width, last.segments]])
+    page = run_page(run).decode()
+    assert '<p class="no">1 of 3 targets not reached: end_force_y = 0.2.</p>' in page
 
 
 def test_notebooks_show_parameters_and_no_linking_number(strips: Path) -> None:

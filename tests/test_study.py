@@ -277,6 +277,41 @@ def test_contact_ends_a_schedule_if_asked_to(tmp_path: Path, monkeypatch: pytest
     assert [s.self_contact for s in recorded.run.states()] == [False, True, True]
 
 
+RING_BRANCH = """
+name: ring
+topology: {half_twists: 0}
+initial_guess: {recipe: cylinder, segments: 10, half_width: 0.2}
+widths: {arclength: {to: 0.3, back_to: 0.1, at: [0.15, 0.3], max_step: 0.5}}
+spectrum: {modes: 0, full_up_to: 0}
+"""
+
+
+def test_a_value_that_no_branch_met_is_a_target_missed(tmp_path: Path) -> None:
+    missed = solve_config(config(RING_BRANCH), tmp_path)
+    (left,) = (target for target in missed.targets if not target.reached)
+    assert (left.half_width, left.beyond) == (0.15, False)
+    assert missed.exit_code == 3
+    assert missed.failures == ("b = 0.15, N = 10: not met by any branch: branch up ends at b = 0.3 (range)",)
+    counts = standing(missed.run).counts
+    assert (counts.done, counts.waiting, counts.failed) == (2, 0, 1)
+    stopped = solve_config(config(RING_BRANCH.replace("max_step", "steps: 1, max_step")), tmp_path)
+    assert [target.beyond for target in stopped.targets if not target.reached] == [True, True]
+    assert any("0.15: not met by any branch" in note for note in stopped.notes)
+    assert stopped.exit_code == 0
+    assert standing(stopped.run).status == "complete"
+    both = solve_config(config(RING_BRANCH.replace("max_step", "both: true, max_step")), tmp_path)
+    assert (both.exit_code, standing(both.run).status) == (0, "complete")
+
+
+def test_a_value_outside_of_a_branch_from_a_given_state_is_refused(tmp_path: Path) -> None:
+    run = solve_config(config(RING_BRANCH.replace("[0.15, 0.3]", "[0.3]")), tmp_path).run
+    given = RING_BRANCH.replace(
+        "{recipe: cylinder, segments: 10, half_width: 0.2}", f"{{state: '{run.name}:1'}}"
+    )
+    with pytest.raises(UsageError, match=r"widths\.arclength\.at: must be between 0\.1 and 0\.3, where"):
+        solve_config(config(given.replace("0.15", "0.05").replace("name: ring", "name: given")), tmp_path)
+
+
 def test_refinement_by_hand(tmp_path: Path) -> None:
     first = solve_small(tmp_path)
     label = first.targets[0].label

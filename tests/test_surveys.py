@@ -30,13 +30,16 @@ from ribbon_cli.solver.arclength import nearest
 from ribbon_cli.solver.climbing import climb
 from ribbon_cli.store import Run, list_runs
 from ribbon_cli.store.events import SurveyStart, read_event
+from ribbon_cli.study import standing
 from ribbon_cli.study.acceptance import options_for
+from ribbon_cli.study.status import Counts
 from ribbon_cli.surveys import Findings, Request, findings, survey_config
 from ribbon_cli.surveys.census import accumulation, estimate
-from ribbon_cli.surveys.explore import Task, explore
+from ribbon_cli.surveys.explore import End, Task, explore
 from ribbon_cli.surveys.pool import WorkerDiedError, in_order
 from ribbon_cli.surveys.run import survey_band
 from ribbon_cli.surveys.shapes import Kinds, Shape, distance
+from ribbon_cli.surveys.text import survey_text
 
 CONFIG = """
 name: small
@@ -248,9 +251,28 @@ def test_an_interrupted_survey_goes_on_to_the_same_bytes(surveyed: Run, tmp_path
 
     with pytest.raises(StopHereError):
         survey_config(made(), tmp_path, REQUEST, progress=watch)
+    (stopped,) = list_runs(tmp_path)
+    # A survey does not wait for what its config names, and how many starts it was to take is not kept.
+    assert (standing(stopped).status, standing(stopped).counts) == ("unknown", Counts())
     again = survey_config(made(), tmp_path, REQUEST).run
+    assert (standing(again).status, standing(again).counts) == ("complete", Counts(complete=True))
     assert hashes(again) == hashes(surveyed)
     assert plain(findings(again)) == plain(findings(surveyed))
+
+
+def test_a_survey_that_finds_nothing_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(
+        "ribbon_cli.surveys.explore.explore",
+        lambda task: [End(climb, "left-topology", None) for climb in task.climbs],
+    )
+    run = survey_config(made(), tmp_path, Request(starts=8)).run
+    assert survey_text(findings(run)) == (
+        "8 starts, 8 ways from them: left-topology 8\n"
+        "no equilibrium was found at b = 0.2, N = 16: 8 of 8 ways led through the band itself; take more "
+        "starts, or `contact: forces`, with which a band rests on itself"
+    )
+    assert b'<p class="no">no equilibrium was found at b = 0.2, N = 16: 8 of 8' in survey_page(run)
+    assert (standing(run).status, standing(run).counts) == ("complete", Counts(complete=True))
 
 
 @pytest.mark.long

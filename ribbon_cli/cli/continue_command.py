@@ -59,7 +59,7 @@ def continue_(settings: Settings, /, state: str, contact: str | None, **asked: A
 
     The same command resumes. Without --arclength, each value is reached from the one before, and the
     continuation ends at the first fold. Unstable points on a branch are not failures; the exit code is 3 if
-    even the shortest step fails.
+    even the shortest step fails, or if no branch met a value of --at and no event ended one.
     """
     wanted, forces = api.following.request(**asked), api.following.contact_request(contact)
     settings.commits = True

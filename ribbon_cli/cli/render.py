@@ -138,6 +138,7 @@ def targets_table(targets: Iterable[study.Target], states: Mapping[int, Summary]
     for target in targets:
         state = None if target.label is None else states.get(target.label)
         word = "beyond contact" if target.beyond else "not reached"
+        word = "not met" if target.of_branch else word
         empty = [MISSING, word, *[MISSING] * (len(heads) - 2)]
         figures = empty if state is None else _figures(state, heads)
         label = MISSING if target.label is None else str(target.label)

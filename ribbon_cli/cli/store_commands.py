@@ -199,4 +199,6 @@ def _show_run(settings: Settings, ref: str) -> None:
         emit_json(document | history | {"branches": [course.to_dict() for course in branches]})
     else:
         numbered = (f"{k}. {branch_text(course)}" for k, course in enumerate(branches, start=1))
-        emit("\n\n".join([listing({**document, "history": history_lines(events)}), *numbered]))
+        del document["not_reached"]  # told above, with how many there are
+        listed = listing({**document, "history": history_lines(events)})
+        emit("\n\n".join([*facts.failures, listed, *numbered]))

@@ -31,6 +31,8 @@ def schedule(reader: Reader, node: Node, kind: strips.Topology, parts: Parts, ha
         if "arclength" in found.nodes:
             branch = _branch(reader, found, k == len(node.items) - 1, kind, parts, here)
             continue
+        if item.kind == "mapping" and not item.items:
+            reader.report(item, field, "moves nothing: it names no parameter")
         leg = _leg(reader, found)
         if leg is None or not leg.to.keys() <= here.keys():
             continue
@@ -97,4 +99,4 @@ def _branch(
         inner.report("parameter", strips.without(name, kind, parts))
     start = here.get(named)
     known = start is not None and not math.isnan(start)
-    return branch_of(inner, "where it begins", start if known else None, reader.length)
+    return branch_of(reader, inner, "where it begins", start if known else None)

@@ -57,10 +57,10 @@ def _branch(reader: Reader, node: Node, guess: Guess) -> Arclength:
     refused = "does not go with arclength: give it inside of arclength"
     outer = reader.section(node, "widths", BRANCH, dict.fromkeys((key.name for key in RANGE.keys), refused))
     found = reader.section(outer.nodes["arclength"], "widths.arclength", ARCLENGTH)
-    return branch_of(found, "the guess's half_width", guess.half_width, reader.length)
+    return branch_of(reader, found, "the guess's half_width", guess.half_width)
 
 
-def branch_of(found: Found, begins: str, start: float | None, length: float | None) -> Arclength:
+def branch_of(reader: Reader, found: Found, begins: str, start: float | None) -> Arclength:
     """A branch from a start, called `begins` in messages, which its ends must differ from."""
     branch = Arclength(**found.values())
     name = branch.parameter or HALF_WIDTH
@@ -71,8 +71,13 @@ def branch_of(found: Found, begins: str, start: float | None, length: float | No
     for (first, one), (second, other) in combinations(named.items() if branch.to is not None else (), 2):
         # A branch that comes back may end at the width it began at.
         apart = second == "to" or first == "to"
-        if apart and one is not None and other is not None and same_value(name, one, other, length):
+        if apart and one is not None and other is not None and same_value(name, one, other, reader.length):
             found.report(second, f"must differ from {first}, got {got(found.nodes[second])}")
+    whole = bool(branch.at) and len(branch.at) == len(found.nodes["at"].items)
+    if start is not None and branch.to is not None and whole:
+        for item, field, value in found.items("at"):
+            if why := branch.outside(value, start, reader.length):
+                reader.report(item, field, f"{why}, got {got(item)}")
     return branch
 
 

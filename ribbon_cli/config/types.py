@@ -11,6 +11,7 @@ from typing import Any
 
 import yaml
 
+from ribbon_cli.facts import same_value
 from ribbon_cli.parts import CLOSED, HALF_WIDTH, Ends, Loads, Material, Parts
 
 METRICS = ("euclidean", "physical")
@@ -114,6 +115,14 @@ class Arclength:
     stop_at: tuple[str, ...] = ()
     switch: int = 0
     parameter: str = HALF_WIDTH
+
+    def outside(self, value: float, start: float, length: float | None) -> str:
+        """Why a branch that begins at `start` never meets a value; empty where it may."""
+        ends = (start, self.to, self.to if self.back_to is None else self.back_to)
+        low, high = min(ends), max(ends)
+        if low <= value <= high or any(same_value(self.parameter, value, end, length) for end in ends):
+            return ""
+        return f"must be between {low:.12g} and {high:.12g}, where the branch is followed"
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ th, td { text-align: left; vertical-align: top; padding: 0.25rem 0.8rem 0.25rem 
   border-bottom: 1px solid #e4e4e4; }
 td.n { text-align: right; white-space: nowrap; }
 .yes { color: #00694b; font-weight: 600; white-space: nowrap; } .open { color: #666; }
-.no { color: #b03a00; font-weight: 600; white-space: nowrap; }
+.no { color: #b03a00; font-weight: 600; white-space: nowrap; } p.no { white-space: normal; }
 figure { margin: 1rem 0; } figure img { max-width: 100%; height: auto; }
 figcaption { color: #444; font-size: 0.92rem; }
 pre { background: #f6f6f6; padding: 0.8rem; overflow-x: auto; font-size: 0.82rem; }

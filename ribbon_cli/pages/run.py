@@ -14,6 +14,7 @@ from ribbon_cli.plot.style import Style
 from ribbon_cli.report.tables import RENDERERS
 from ribbon_cli.store import Run, StateRecord
 from ribbon_cli.store.summaries import varying
+from ribbon_cli.study import standing
 
 SCREEN = Style("screen", 6.3, 8.0, 1.0, 0.35, 3.0, 130)
 """The look of `paper` with dots enough for a screen."""
@@ -64,6 +65,7 @@ def _summary(run: Run, records: list[StateRecord]) -> list[str]:
     rest = f" (of {again} another at the same half-width and N is listed)" if again else ""
     where = "places" if varying(states) else "half-widths"
     return [
+        *(paragraph(f"{line}.", "no") for line in standing(run).failures),
         paragraph(
             f"{run.name}: {len(states)} equilibria{rest} at {len(records)} {where}, {certified} "
             f"certified minima of their discrete problem: stationary, no facet inverted, positive definite "

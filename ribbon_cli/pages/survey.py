@@ -12,7 +12,7 @@ from ribbon_cli.plot.kinds import Source, draw
 from ribbon_cli.plot.style import styled
 from ribbon_cli.store import Run
 from ribbon_cli.surveys import Equilibrium, Findings, findings
-from ribbon_cli.surveys.text import CENSUS, cells, census_rows, contact, heads, ways
+from ribbon_cli.surveys.text import CENSUS, cells, census_rows, contact, heads, in_vain, ways
 
 WORDS = {"continuum": "yes", "mesh": "no", "open": "open"}
 """Classes of cells for what an equilibrium is called."""
@@ -39,6 +39,7 @@ def _summary(found: Findings) -> list[str]:
             f"{counts['mesh']} were lost (mesh), and of {counts['open']} neither is known (open)."
         ),
         paragraph(f"{ways(found)}.", "note"),
+        *(paragraph(f"{line}.", "no") for line in filter(None, [in_vain(found)])),
     ]
 
 

@@ -16,6 +16,7 @@ import numpy as np
 from ..config import Arclength
 from ..facts import Event as Happening
 from ..facts import event as happening
+from ..facts import same_value
 from ..model.touching_gaps import Pairs
 from ..parts import HALF_WIDTH
 from ..solver.arclength import Point, Tangent, initial_tangent, point_at, point_of, tangent_from
@@ -32,12 +33,17 @@ from .branch_tables import course_point, courses
 from .clock import Clock
 from .closed_branches import TURNING, repeated, turns
 from .failure import Failure
-from .outcome import Course
+from .outcome import Course, Target
+from .plan import place_name
 from .progress import Step
 from .records import all_multipliers_of, pairs_of, state_of
 from .walk import Ended, Stage, Walk
 
 SIDES = ((1, "+"), (-1, "-"))
+MOST_ENDS = 4
+"""Branches whose ends are told of a value that none of them met."""
+_RAN_OUT = (Reason.RANGE.value, Reason.STEP_TOO_SMALL.value)
+"""Ends that are no events, after which a value that was asked for is missed."""
 
 
 @dataclass(frozen=True)
@@ -119,6 +125,31 @@ class Branches:
                 if _can_be_left(record):
                     for side, word in SIDES:
                         self._switch(record, side, f"branch from {record.label} side {word}", depth - 1)
+
+    @property
+    def left(self) -> tuple[Target, ...]:
+        """The values `at` that none of the branches met; beyond where an event ended one of them."""
+        met = {self.value}
+        for course in self.courses:
+            met |= {p.parameters[self.name] or 0.0 for p in course.points if p.type in (WIDTH, VALUE)}
+        beyond = any(course.reason not in _RAN_OUT for course in self.courses)
+        ends = "; ".join(f"{c.name} ends at {c.place} ({c.reason})" for c in self.courses[:MOST_ENDS])
+        more = "; ..." if len(self.courses) > MOST_ENDS else ""
+        targets = []
+        for value in self.request.at:
+            if any(same_value(self.name, value, known, self.start.length) for known in met):
+                continue
+            half_width, words = self.start.half_width, place_name({self.name: value})
+            if self.name == HALF_WIDTH:
+                half_width, words = value, ""
+            message = f"not met by any branch: {ends}{more}"
+            where = (half_width, self.start.segments)
+            targets.append(
+                Target(*where, None, False, False, message, beyond=beyond, place=words, of_branch=True)
+            )
+            if beyond:
+                self.journal.note(f"{targets[-1].where}: {message}")
+        return tuple(targets)
 
     # --- one step ---
 

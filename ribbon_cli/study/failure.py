@@ -39,11 +39,20 @@ _SENTENCES = {
     "step": "a step from {here} to {there} failed: {message}",
     "way": "no step from {here} towards {there} succeeds. {message}",
     "turn": "no step from {turn} {start:.10g}/{count} succeeds: {message}",
+    "other-branch": "every step from {symbol} = {start:.12g} towards {symbol} = {end:.12g} leads to another "
+    "branch, and nothing stored tells of a fold: natural continuation ends, its last state is {label}; "
+    "`ribbon continue {state} {option}--to {end:.12g} --arclength`, or `{config}` in a config, follows the "
+    "branch itself{soft}",
     "fold": "the branch seems to turn back (fold) near {symbol} = {near:.6g}: natural continuation towards "
     "{symbol} = {end:.12g} ends, its last state is {label} at {symbol} = {start:.12g}; `ribbon continue "
     "{state} {option}--to {end:.12g} --arclength`, or `{config}` in a config, continues around it",
 }
 """Kinds of failures with their sentences; `message` is the status's, with its detail."""
+CHECKERBOARDS = (
+    "the softest modes stored are checkerboards, which belong to the mesh and which "
+    "`discretisation: value-average` does not have"
+)
+"""What is said of a state of the rule `thesis` from which steps end on other branches."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +84,7 @@ class Failure:
     def sentence(self) -> str:
         """What failed, how, and what to do about it."""
         remedy = None if self.status is None else _REMEDIES.get(self.status.value)
-        if remedy is None or self.kind in ("fold", "located"):
+        if remedy is None or self.kind in ("fold", "other-branch", "located"):
             return self.bare
         where = f" ({self.smaller})" if self.smaller else ""
         return f"{self.bare} {remedy.format('' if self.smaller is None else f'smaller steps{where}, ')}"
@@ -98,9 +107,10 @@ def halved_kind(target: Mapping[str, float]) -> str:
 
 
 def fold_facts(
-    run: str, current: Summary, name: str, start: float, end: float, beyond: float
+    run: str, current: Summary, name: str, start: float, end: float, beyond: float, soft: bool = False
 ) -> dict[str, Any]:
-    """The values of a fold between a state and a value of a parameter at which another branch was met."""
+    """The values of a way that ends between a state and a value of a parameter at which another branch was
+    met; `soft` says that the state's softest modes are checkerboards."""
     width = name == HALF_WIDTH
     config = f"widths: {{arclength: {{to: {end:.12g}}}}}"
     if not width:
@@ -114,6 +124,7 @@ def fold_facts(
         "symbol": PARAMETERS[name].symbol,
         "option": "" if width else f"--in {name} ",
         "config": config,
+        "soft": f"; {CHECKERBOARDS}" if soft else "",
     }
 
 

@@ -11,11 +11,12 @@ from ..solver.branch import End, Reason
 from ..solver.status import Status
 from ..store import Summary
 from .branch_tables import course_point
-from .failure import Failure
+from .failure import CHECKERBOARDS, Failure
 from .outcome import Course, Target
 from .plan import MOST_HALVINGS, place_name
 from .stepping import step_from
 from .touch_down import locate
+from .turning import soft_in_checkerboards, turns_back
 from .walk import Ended, Stage, Walk, bracketed
 
 CONTACT_ACCURACY = 1e-7
@@ -145,11 +146,14 @@ class Natural:
         self.beyond += [why.values["end"] for why in failures if why.status is Status.LEFT_BRANCH]
 
     def _hint(self, current: Summary, why: str) -> str:
-        """Why no step succeeds: a fold, if another branch was met beyond."""
-        if self.beyond:
-            here = self._value(current)
-            near = 0.5 * (here + min(self.beyond, key=lambda b: abs(b - here)))
+        """Why no step succeeds: where another branch was met beyond, a fold, if stored states tell of one."""
+        here = self._value(current)
+        nearest = min(self.beyond, key=lambda b: abs(b - here), default=None)
+        if nearest is not None and turns_back(self.journal, current, self.name, nearest):
+            near = 0.5 * (here + nearest)
             why = f"The branch seems to turn back (fold) near {self.symbol} = {near:.6g}: {why}"
+        elif nearest is not None and soft_in_checkerboards(self.journal, current):
+            why = f"{why} Also {CHECKERBOARDS}."
         return f"{why} --arclength continues around folds and past losses of stability, and locates them."
 
     def _solved(self, stage: Stage, start: Summary) -> Ended | Failure:

@@ -60,7 +60,7 @@ def continue_state(
         else:
             branches = Branches(walk, request, record)
             branches.follow(f"{branch_name(record, request)}{_with_contact(gap)}")
-            courses = branches.courses
+            courses, targets = branches.courses, branches.left
         notes, new = tuple(walk.journal.notes), walk.journal.new_states
         return Outcome(run, targets, notes, new, tuple(courses))
 
@@ -112,13 +112,9 @@ def _check(ref: str, record: StateRecord, request: Arclength) -> None:
     for option, value in (("--to", request.to), ("--back-to", request.back_to)):
         if value is not None:
             _check_value(record, name, option, value)
-    ends = (here, request.to, request.to if request.back_to is None else request.back_to)
     for value in request.at:
-        if not min(ends) <= value <= max(ends):
-            raise UsageError(
-                f"--at: {value:g} is not between {symbol} = {min(ends):.12g} and {max(ends):.12g}, "
-                "where the branch is followed"
-            )
+        if why := request.outside(value, here, length):
+            raise UsageError(f"--at: {symbol} {why}, got {value:g}")
     if same_value(name, request.to, here, length):
         raise UsageError(f"{ref}: has {symbol} = {here:.12g} already")
 

@@ -16,7 +16,7 @@ class Target:
 
     `place` are its parameters in words, where they are more than the half-width.
     `kept` tells of a saddle that it is the one asked for, `beyond` of a target not reached that it lies
-    beyond the event at which the config stops.
+    beyond the event at which the config stops, `of_branch` that a branch was to meet it.
     """
 
     half_width: float
@@ -28,6 +28,7 @@ class Target:
     kept: bool = False
     beyond: bool = False
     place: str = ""
+    of_branch: bool = False
 
     @property
     def where(self) -> str:

@@ -6,9 +6,9 @@ import math
 from bisect import bisect_left, bisect_right, insort
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
-from ..config import Config
+from ..config import Arclength, Config
 from ..digits import duration, memory
 from ..facts import TOLERANCE, same_value, same_width
 from ..parts import HALF_WIDTH, PARAMETERS
@@ -200,20 +200,53 @@ def plan_of(config: Config, given: tuple[float, int] | None = None) -> Plan:
             stages.append(_stage(goal.refined(n), "equilibrium", place, n))
     branch = config.arclength
     if branch is not None:
-        symbol = PARAMETERS[branch.parameter].symbol
-        words = f"a branch followed towards {symbol} = {branch.to:.12g}"
-        words += ", and the other way" if branch.both else ""
-        for value in (*branch.at, branch.to):
+        for value in branch.at:
             at = {**place, branch.parameter: value}
-            stages.append(_stage(f"{words}, meeting {symbol} = {value:.12g}", "equilibrium", at, first))
-        stages[-1] = replace(stages[-1], name=words, kind="intermediate")
+            stages.append(_stage(meeting(branch, value), "equilibrium", at, first))
+        end = {**place, branch.parameter: branch.to}
+        stages.append(_stage(_towards(branch), "intermediate", end, first))
     cost = sum(_cost(config, s) for s in stages)
     what = "" if config.schedule else " in width"
     halving = f"a step{what} that fails is halved; the additional stages are not counted"
     notes = (halving,) if moves else ()
     if branch is not None:
         notes = (*notes, f"a branch takes up to {branch.steps} steps; their cost is not counted")
-    return Plan(tuple(stages), cost, (*guess_notes(config), *notes, *level_notes(config, stages)))
+    return Plan(
+        tuple(stages),
+        cost,
+        (*guess_notes(config), *angle_notes(config), *notes, *level_notes(config, stages)),
+    )
+
+
+def _towards(branch: Arclength) -> str:
+    """A branch in words."""
+    words = f"a branch followed towards {PARAMETERS[branch.parameter].symbol} = {branch.to:.12g}"
+    return words + (", and the other way" if branch.both else "")
+
+
+def meeting(branch: Arclength, value: float) -> str:
+    """The planned stage of a value that a branch is to meet."""
+    return f"{_towards(branch)}, meeting {PARAMETERS[branch.parameter].symbol} = {value:.12g}"
+
+
+def angle_notes(config: Config) -> tuple[str, ...]:
+    """What angles beyond a whole turn come to: most likely they are meant in degrees."""
+    places = [config.start(), *(leg.to for leg in config.legs)]
+    if (branch := config.arclength) is not None:
+        ends = (branch.to, branch.back_to, *branch.at)
+        places += [{branch.parameter: value} for value in ends if value is not None]
+    notes = []
+    for name, parameter in PARAMETERS.items():
+        values = [place[name] for place in places if name in place]
+        if parameter.kind == "angle" and values:
+            most = max(values, key=abs)
+            if abs(most) > 2.0 * math.pi * (1.0 + TOLERANCE):
+                turns, meant = abs(most) / (2.0 * math.pi), math.radians(most)
+                notes.append(
+                    f"{name} = {most:.10g} is {turns:.3g} turns, as angles are in radians; "
+                    f"{most:.10g} degrees are {meant:.6g}"
+                )
+    return tuple(notes)
 
 
 def level_notes(config: Config, stages: Sequence[PlannedStage]) -> tuple[str, ...]:

@@ -286,8 +286,11 @@ class _Study:
         if self.stopped is not None:
             return
         name, here = request.parameter, start.parameters[request.parameter] or 0.0
+        section = "widths" if name == HALF_WIDTH else "schedule"
+        for value in request.at:  # a given state's place is known only now
+            if why := request.outside(value, here, start.length):
+                raise UsageError(f"{section}.arclength.at: {why}, got {value:g}")
         if same_value(name, here, request.to, start.length):
-            section = "widths" if name == HALF_WIDTH else "schedule"
             what = f"{PARAMETERS[name].symbol} = {here:.12g}"
             raise UsageError(f"{section}.arclength.to: the start has {what} already")
         if self.config.contact.kind == "stop" and "contact" not in request.stop_at:
@@ -297,6 +300,7 @@ class _Study:
         branches = Branches(self.walk, request, self.journal.load(start))
         self.courses = branches.courses
         branches.follow("branch")
+        self.targets += branches.left
 
     # --- refinement ---
 

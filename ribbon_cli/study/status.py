@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterable
-from dataclasses import asdict, dataclass
+from collections import Counter, defaultdict
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from itertools import product
 from typing import Any
 
-from ..config import Config
+from ..config import Arclength, Config
 from ..errors import RibbonError, StoreError
 from ..solver.status import Status
 from ..store import Run, Summary
-from ..store.events import Ended, Event
+from ..store.events import Ended, Event, SurveyFollowed, SurveyStart
 from ..store.lock import Holder
-from .plan import plan_of, start_name
+from .plan import meeting, plan_of, start_name
+from .removal import by_command
 from .run_config import resolved_config
 
 RUN_STATUSES = ("complete", "running", "waiting", "failed", "damaged", "unknown")
@@ -21,13 +23,18 @@ RUN_STATUSES = ("complete", "running", "waiting", "failed", "damaged", "unknown"
 STATE_STATUSES = (*(status.value for status in Status), "missing", "unreadable", "damaged")
 """Words for a state: outcomes of a solve, or what has become of its file."""
 
+MOST_NAMED = 12
+"""Most targets that are named in a line."""
+
 Place = tuple[float | None, int]
+"""Half-width and N of an equilibrium that a config names, by which the log tells which were missed."""
 
 
 @dataclass(frozen=True)
 class Counts:
     """Of the equilibria that a config names, `done` have a certificate, `failed` were not reached or have
-    none, `running` is in hand and `waiting` is left; None where the config does not tell.
+    none, `running` is in hand and `waiting` is left; None where the config does not tell, and of
+    surveys, which do not follow their config.
     """
 
     complete: bool | None = None
@@ -39,7 +46,10 @@ class Counts:
 
 @dataclass(frozen=True)
 class Standing:
-    """A run in a few words; `damage` is empty or says why the rest is unknown."""
+    """A run in a few words; `damage` is empty or says why the rest is unknown.
+
+    `targets` are the stages of the equilibria that its config names, in order, with what came of each.
+    """
 
     run: Run
     status: str
@@ -49,6 +59,20 @@ class Standing:
     counts: Counts = Counts()
     holder: Holder | None = None
     damage: str = ""
+    targets: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def failures(self) -> tuple[str, ...]:
+        """The targets that were not reached, and those without certificate, a line each."""
+        told = {"missed": "not reached", "uncertified": "without certificate"}
+        lines = []
+        for word, said in told.items():
+            names = [name for name, status in self.targets.items() if status == word]
+            if names:
+                more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
+                listed = "; ".join(names[:MOST_NAMED])
+                lines.append(f"{len(names)} of {len(self.targets)} targets {said}: {listed}{more}")
+        return tuple(lines)
 
     def to_dict(self) -> dict[str, Any]:
         """The run for JSON, as `ribbon ls` gives it."""
@@ -63,6 +87,7 @@ class Standing:
             "states": self.states,
             "last_change": self.last_change,
             **asdict(self.counts),
+            "not_reached": [name for name, word in self.targets.items() if word == "missed"],
             "holder": None if self.holder is None else asdict(self.holder),
             "damage": self.damage,
         }
@@ -76,41 +101,75 @@ def standing(run: Run) -> Standing:
     except StoreError as error:
         return Standing(run, "damaged", damage=str(error))
     holder = run.holder()
-    counts = _counts(run, events, states, holder is not None)
+    held = holder is not None
+    targets = None
+    if any(isinstance(event, SurveyStart) for event in events):
+        counts = Counts(_whole_survey(events))
+    else:
+        targets = _targets(run, events, states, held)
+        counts = Counts() if targets is None else _counts(targets, held)
     changed = events[-1].time if events else None
-    status = _status(counts, holder is not None)
-    return Standing(run, status, len(states), len(run.entries()), changed, counts, holder)
+    facts = (len(states), len(run.entries()), changed, counts, holder)
+    return Standing(run, _status(counts, held), *facts, targets=targets or {})
 
 
-def _counts(run: Run, events: list[Event], states: list[Summary], held: bool) -> Counts:
-    """How many of the planned equilibria are in which state; a schedule may come to a place several times."""
+def _targets(run: Run, events: list[Event], states: list[Summary], held: bool) -> dict[str, str] | None:
+    """What came of each planned equilibrium, by its stage; None where they cannot be told.
+
+    `done`, `uncertified`, `missed`, `beyond` the event at which the config stops, or `waiting`. A stage is
+    found by its name, as resuming finds it: what `ribbon continue` or `ribbon refine` added at the same
+    place reaches no target of the config.
+    """
     config = _config(run)
     planned = None if config is None else _planned(run, config)
     if config is None or planned is None:
-        return Counts()
+        return None
+    ends = _ends(run, states, config.arclength)
     kept = start_name(config) if config.guess.keep_saddle else None
-    # A point of a branch is what was asked for, stable or not, and so is the saddle that it begins at.
-    good = (
-        state
-        for state in states
-        if state.certified or state.branch or (state.stage == kept and state.status == "saddle")
-    )
-    reached = _stages(states)
-    done = planned & _stages(good)
+    found = dict.fromkeys(planned, "waiting")
+    for name in planned.keys() & ends.keys():
+        # A point of a branch is what was asked for, stable or not, and so is the saddle that it begins at.
+        good = (s.certified or s.branch or (name == kept and s.status == "saddle") for s in ends[name])
+        found[name] = "done" if any(good) else "uncertified"
     ended = [event for event in events if isinstance(event, Ended)]
-    missed = Counter(ended[-1].missed) if ended and not held else Counter()
-    planned = planned - Counter(ended[-1].beyond) if ended else planned
-    failed = (planned - done) & (reached - done + missed)
-    left = (planned - done - failed).total()
-    running = int(held and left > 0)
-    return Counts(planned <= reached, done.total(), running, left - running, failed.total())
+    if ended:
+        told = (("beyond", Counter(ended[-1].beyond)), ("missed", Counter(() if held else ended[-1].missed)))
+        # The log has half-width and N alone: of several stages there the last are those not reached.
+        for (word, left), name in product(told, reversed(planned)):
+            if found[name] == "waiting" and left[planned[name]] > 0:
+                found[name] = word
+                left[planned[name]] -= 1
+    return found
 
 
-def _stages(states: Iterable[Summary]) -> Counter[Place]:
-    """How many stages end at each place; one whose state was computed again counts once."""
-    return Counter(
-        (b, n) for b, n, _ in {(state.half_width, state.segments, state.stage) for state in states}
+def _counts(found: dict[str, str], held: bool) -> Counts:
+    """How many of the planned equilibria are in which state."""
+    many = Counter(found.values())
+    running = int(held and many["waiting"] > 0)
+    failed, waiting = many["missed"] + many["uncertified"], many["waiting"] - running
+    return Counts(not many["missed"] + many["waiting"], many["done"], running, waiting, failed)
+
+
+def _whole_survey(events: list[Event]) -> bool | None:
+    """Whether a survey came to its end. None where its log does not tell, as how many starts were asked for
+    is not kept: it was interrupted, or an older version made it."""
+    last = next(
+        event for event in reversed(events) if isinstance(event, (SurveyStart, SurveyFollowed, Ended))
     )
+    return True if isinstance(last, Ended) else None
+
+
+def _ends(run: Run, states: list[Summary], branch: Arclength | None) -> dict[str, list[Summary]]:
+    """The states by the planned stage that each ends; a point of the config's branch ends the stage that is
+    planned for the value it meets."""
+    ends: dict[str, list[Summary]] = defaultdict(list)
+    stages = {state.label: state.stage for state in run.states(all=True)} if branch else {}
+    for state in states:
+        if branch is None or state.branch is None:
+            ends[state.stage].append(state)
+        elif not by_command(state.stage, stages):
+            ends[meeting(branch, state.parameters[branch.parameter] or 0.0)].append(state)
+    return ends
 
 
 def _given(run: Run, config: Config) -> tuple[float, int] | None:
@@ -129,18 +188,18 @@ def _config(run: Run) -> Config | None:
         return None
 
 
-def _planned(run: Run, config: Config) -> Counter[Place] | None:
-    """How often a run's config names each equilibrium by width and N, None where that cannot be told."""
+def _planned(run: Run, config: Config) -> dict[str, Place] | None:
+    """The equilibria that a run's config names by their stages, None where they cannot be told."""
     try:
         stages = plan_of(config, _given(run, config)).stages
     except RibbonError:
         return None
-    places: Counter[Place] = Counter()
+    places: dict[str, Place] = {}
     for stage in stages:
         if stage.kind == "equilibrium":
             if stage.half_width is None or stage.segments is None:
                 return None
-            places[stage.half_width, stage.segments] += 1
+            places[stage.name] = (stage.half_width, stage.segments)
     return places
 
 
@@ -149,7 +208,7 @@ def _status(counts: Counts, held: bool) -> str:
     if held:
         return "running"
     if counts.done is None:
-        return "unknown"
+        return "complete" if counts.complete else "unknown"
     if counts.waiting:
         return "waiting"
     return "failed" if counts.failed else "complete"

@@ -22,6 +22,7 @@ from .acceptance import converged
 from .failure import Failure, fold_facts, halved_kind, way_facts
 from .plan import MOST_HALVINGS, Goal
 from .records import multipliers_of, state_of
+from .turning import soft_in_checkerboards, turns_back
 from .walk import Ended, Stage, Walk
 
 
@@ -161,8 +162,10 @@ def _given_up(
     beyond = [why.values["end"] for why in failures if why.status is Status.LEFT_BRANCH]
     if beyond and goal.one is not None:
         here, end = current.parameters[goal.one] or 0.0, goal.to[goal.one]
-        facts = fold_facts(walk.journal.run.short_name, current, goal.one, here, end, beyond[-1])
-        return None, Failure("fold", Status.LEFT_BRANCH, "", facts)
+        kind = "fold" if turns_back(walk.journal, current, goal.one, beyond[-1]) else "other-branch"
+        soft = kind != "fold" and soft_in_checkerboards(walk.journal, current)
+        facts = fold_facts(walk.journal.run.short_name, current, goal.one, here, end, beyond[-1], soft)
+        return None, Failure(kind, Status.LEFT_BRANCH, "", facts)
     facts = way_facts(current.parameters, goal.to)
     # Where contacts push the shortest step says what is in the way.
     said = failures[-1 if current.contacts else 0]

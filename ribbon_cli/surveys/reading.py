@@ -6,15 +6,19 @@ them is decided here, anew whenever it is asked for.
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
+from ..errors import RibbonError
 from ..export.words import linking_name
 from ..store import Run, Summary
 from ..store.events import SurveyFollowed, SurveyStart
 from ..store.record import StateRecord
 from ..study.records import state_of
+from ..study.run_config import resolved_config
 from .census import Estimate, accumulation, estimate
 from .follow import LOST, MET
 from .shapes import Shape
@@ -175,6 +179,7 @@ def findings(run: Run) -> Findings:
     best, entries = found_in(run), run.entries()
     first = entries[next(iter(best.values()))].state if best else None
     known = standings(run, first.segments) if first else {}
+    half_width, segments = (first.half_width, first.segments) if first else _place(run)
     rows = sorted(best, key=lambda found: (entries[best[found]].state.energy or 0.0, found))
     table = tuple(
         _equilibrium(run, number, found, known[found], hits[found])
@@ -183,14 +188,23 @@ def findings(run: Run) -> Findings:
     return Findings(
         run.name,
         linking_name([first] if first else []),
-        first.half_width if first else float("nan"),
-        first.segments if first else 0,
+        half_width,
+        segments,
         len(explored),
         table,
         dict(sorted(Counter(end.status for end in ends).items())),
         {name: estimate(counts) for name, counts in _groups(table)},
         tuple(accumulation([row.hits for row in table])),
     )
+
+
+def _place(run: Run) -> tuple[float, int]:
+    """Half-width and N of a survey that has found nothing, as far as its config tells."""
+    with suppress(RibbonError):
+        config = resolved_config(run)
+        half_width = config.widths[0] if config.widths else config.guess.half_width
+        return math.nan if half_width is None else half_width, config.guess.segments or 0
+    return math.nan, 0
 
 
 def _groups(table: Sequence[Equilibrium]) -> list[tuple[str, list[int]]]:

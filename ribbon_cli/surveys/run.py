@@ -134,6 +134,8 @@ class _Survey:
         self._explore()
         for level in levels_of(self.band.segments):
             self._follow(level)
+        if self.journal.run.is_writing:
+            self.journal.log("ended", exit_code=0, missed=())
         return Outcome(self.journal.run, (), tuple(self.journal.notes), self.journal.new_states)
 
     # --- starts ---

@@ -54,11 +54,25 @@ def cells(row: Equilibrium, found: Findings) -> list[str]:
 
 def survey_text(found: Findings) -> str:
     """The whole survey."""
+    if not found.equilibria:
+        return f"{ways(found)}\n{in_vain(found)}"
     names = heads(found)
     left = {k for k, name in enumerate(names) if name in _WORDS}
     table = aligned([names, *(cells(row, found) for row in found.equilibria)], left)
     reasons = [f"{row.number}: {row.verdict}, {row.why}" for row in found.equilibria if row.why]
     return "\n".join([table, *reasons, "", ways(found), "", census_text(found)])
+
+
+def in_vain(found: Findings) -> str:
+    """That a survey has found nothing, and what may help; empty where it has."""
+    if found.equilibria or not found.ends:
+        return ""
+    where = f"b = {found.half_width:.10g}, N = {found.segments}"
+    advice = "take more starts"
+    if through := found.ends.get("left-topology"):
+        where += f": {through} of {sum(found.ends.values())} ways led through the band itself"
+        advice += ", or `contact: forces`, with which a band rests on itself"
+    return f"no equilibrium was found at {where}; {advice}"
 
 
 def ways(found: Findings) -> str:

@@ -71,7 +71,7 @@ def standing(record: SweepRecord, point: SweepPoint) -> PointStanding:
     if failures:
         status = "running" if words else "failed"
     elif status == "failed":
-        failures = (f"{found.counts.failed} of its equilibria not reached, or without certificate",)
+        failures = found.failures
     return PointStanding(point, status, failures, words)
 
 
