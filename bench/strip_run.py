@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ribbon_cli.model.band import Array, Band, Discretisation, State
-from ribbon_cli.model.constraints import PER_NODE
+from ribbon_cli.model.entries import PER_NODE
 from ribbon_cli.model.problem import END_ROW, Problem
 from ribbon_cli.parts import Ends, Parts
 from ribbon_cli.recipes.strip import CARD

@@ -15,7 +15,7 @@ PLAIN_FROM = 1e-4
 LONGEST = 15
 """Digits that a double always holds."""
 
-_POWER = re.compile(r"(?<![\w.])([+-]?\d+(?:\.\d+)?)e([+-]?\d+)(?![\w.])")
+_POWER = r"(?<![\w.])([+-]?\d+(?:\.\d+)?)e([+-]?\d+)(?![\w.])"
 
 
 def fixed(value: float, places: int) -> str:
@@ -62,7 +62,7 @@ def powers(text: str) -> str:
     >>> powers("E = 8.95e-06")
     'E = $8.95 \\\\times 10^{-6}$'
     """
-    return _POWER.sub(lambda found: rf"${found[1]} \times 10^{{{int(found[2])}}}$", text)
+    return re.sub(_POWER, lambda found: rf"${found[1]} \times 10^{{{int(found[2])}}}$", text)
 
 
 def duration(seconds: float) -> str:

@@ -87,7 +87,7 @@ def content_hashes(root: Path) -> dict[int, str]:
     """Content hashes by label of the one run in a folder of runs, checked against the files."""
     (made,) = list_runs(root)
     for label in made.entries():
-        made.check_file(label)
+        made.load(label)
     return {state.label: state.content_sha256 for state in made.states(all=True)}
 
 

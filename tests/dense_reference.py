@@ -42,7 +42,7 @@ class DenseModel:
         held = np.eye(problem.size)[problem.fixed]
         self.normals = np.vstack((jacobian, rotations.T, held))
         count = self.normals.shape[0]
-        if not (np.isfinite(self.normals).all() and np.isfinite(local.entries).all()):
+        if not (np.isfinite(self.normals).all() and np.isfinite(local.hessian_entries).all()):
             raise FactorisationError("the derivatives are not finite")
         q, r = scipy.linalg.qr(self.normals.T)
         pivots = np.abs(np.diag(r))

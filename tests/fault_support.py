@@ -146,6 +146,6 @@ def contents(run: Run) -> dict[int, str]:
     """Content hash of every state by label, each read and checked."""
     found = {}
     for label, entry in run.entries().items():
-        run.check_file(label)
+        run.load(label)
         found[label] = entry.state.content_sha256
     return found

@@ -72,7 +72,7 @@ def hashes(root: Path) -> Hashes:
     found = {}
     for run in list_runs(root):
         for label in run.entries():
-            run.check_file(label)
+            run.load(label)
         found[run.name] = [(s.stage, s.kind, s.content_sha256) for s in run.states(all=True)]
     return found
 

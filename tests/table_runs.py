@@ -32,3 +32,29 @@ def fill(root: Path) -> Path:
         solve_config(point.config, root)
     solve_config(parse_config(QUICK_RING, "ring.yaml"), root)
     return root
+
+
+LEGS = """
+name: legs
+config:
+  topology: open
+  length: 1
+  ends: {span: 0.6}
+  initial_guess: {recipe: strip, segments: 8, half_width: 0.03}
+  schedule: [{shear: 0.1}]
+  spectrum: {modes: 1, full_up_to: 0, metrics: [physical]}
+vary:
+  - ends.span: [0.6, 0.97]
+  - schedule.0.shear: [-0.1, 0.2]
+"""
+
+
+def walk(root: Path) -> Path:
+    """A sweep whose schedule reaches its end at two points, and at a third does not; the last is not run."""
+    path = root / "legs.yaml"
+    path.write_text(LEGS)
+    sweep = load_sweep(path)
+    keep_sweep(root, sweep)
+    for k in (0, 1, 3):
+        solve_config(sweep.points[k].config, root)
+    return root

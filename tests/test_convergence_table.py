@@ -321,6 +321,22 @@ def test_latex_is_balanced_and_escaped(doubtful, table):
     assert "_" not in outside.replace(r"\_", "")
 
 
+def test_latex_has_a_column_for_each_parameter_in_which_rows_differ():
+    places = ((0.0, 0.1), (0.2, 0.1), (0.2, 0.3))
+    entries = [
+        Entry(0.02, n, 1.0 + x + y, True, others=(("shear", x), ("end_force_x", y)))
+        for x, y in places
+        for n in (40, 80)
+    ]
+    page = as_latex(convergence_rows(entries))
+    heads, *lines = [line.removesuffix(r" \\").split(" & ") for line in page.splitlines() if " & " in line]
+    assert heads[:4] == ["$b$", "shear", r"end\_force\_x", "$N$"]
+    assert [line[:3] for line in lines[::2]] == [["$0.02$", f"${x:g}$", f"${y:g}$"] for x, y in places]
+    assert {len(line) for line in lines} == {len(heads)}
+    assert len(page.split("{")[2].split("}")[0]) == len(heads)
+    assert "_" not in "".join(page.split("$")[::2]).replace(r"\_", "")
+
+
 def test_csv_reads_back_to_full_precision(doubtful, table):
     rows = list(csv.DictReader(io.StringIO(as_csv(table))))
     assert [float(r["energy"]) for r in rows] == [r.energy for r in table.rows]

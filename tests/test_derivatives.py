@@ -107,3 +107,15 @@ def test_unit_length_of_held_rulings_is_demanded() -> None:
         Prescription({0: np.array([0.0, 0.0, 1.1])})
     with pytest.raises(ValueError, match="unit vectors"):
         Prescription(seam=np.zeros(3))
+
+
+@pytest.mark.parametrize("case", PRESCRIPTIONS)
+def test_derivatives_for_other_multipliers_are_those_made_anew(case: str) -> None:
+    problem = Problem(Band(9, 0.5, sigma=-1), PRESCRIPTIONS[case])
+    rng = np.random.default_rng(4)
+    x, y = problem.impose(rng.standard_normal(problem.size)), rng.standard_normal(problem.rows)
+    other = problem.with_multipliers(x, problem.local_derivatives(x, None), y)
+    anew = problem.local_derivatives(x, y)
+    assert (problem.hessian_matrix(other) != problem.hessian_matrix(anew)).nnz == 0
+    assert (problem.jacobian_matrix(other) != problem.jacobian_matrix(anew)).nnz == 0
+    assert not problem.hessian_matrix(problem.local_derivatives(x, None)).data.any()

@@ -146,6 +146,7 @@ def test_csv_holds_every_field_exactly(state):
     assert float(rows[2]["alpha_facet"]) == pytest.approx(2.5 * h)
     # Which state it is, in every row: files can be joined, and none begins with lines that are no table.
     expected = {"run": "run-1", "label": str(state.label), "kind": state.kind, "energy": repr(state.energy)}
+    expected |= {"twist": repr(state.twist), "writhe": repr(state.writhe)}
     expected |= {"certified": str(state.certified), "content_sha256": content_sha256(state)}
     assert all(expected.items() <= row.items() for row in rows)
 

@@ -194,14 +194,14 @@ def reopen(disk: Disk, folder: Path, new: bytes, *, acknowledged: bool) -> int:
     disk.write_to(folder)
     run = Run.open(folder)
     for label in run.entries():  # readers never see a part, before any writer has cleared up
-        run.check_file(label)
+        run.load(label)
     with run.writing():
         labels = list(run.entries())
     assert labels in ([1, 2], [1, 2, 3])
     if 3 in labels:
         assert run.state_path(3).read_bytes() == new
     for label in labels:
-        run.check_file(label)
+        run.load(label)
     names = {path.name for path in folder.rglob("*")}
     assert not [name for name in names if name.startswith(".tmp-")]
     assert labels == [1, 2, 3] or not acknowledged

@@ -41,7 +41,7 @@ def read_on(path: Path, stop) -> int:
         entries = run.entries()
         assert len(entries) >= seen
         for label in list(entries)[max(0, seen - 1) :]:
-            run.check_file(label)
+            run.load(label)
         seen, rounds = len(entries), rounds + 1
     return 0
 
@@ -60,7 +60,7 @@ def rounds(tmp_path: Path, count: int) -> None:
     assert wait(reader) == 0
     assert list(run.entries()) == list(range(1, count + 1))
     for label in run.entries():
-        run.check_file(label)
+        run.load(label)
     assert not [path for path in run.path.rglob("*") if ".damaged-" in path.name or ".tmp-" in path.name]
 
 

@@ -237,12 +237,11 @@ def test_exact_factors_of_another_place_are_made_anew_where_they_are_too_far() -
 
 
 def test_spectra_by_the_paths_of_fine_grids(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Wide blocks, columns in parts and counts without regularised factors find the same modes."""
+    """Columns in parts and counts without regularised factors find the same modes."""
     place = pi_band(100, THESIS)
     found = []
     for fine in (3200, 60):
-        for module in (pencil, spectra):
-            monkeypatch.setattr(module, "FINE", fine)
+        monkeypatch.setattr(pencil, "FINE", fine)
         if fine == 60:
             monkeypatch.setattr(pencil, "Factor", None)
         metrics = ("euclidean", "physical")

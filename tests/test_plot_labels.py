@@ -332,3 +332,44 @@ def test_modes_are_marked_one_by_one_in_every_spectrum_or_in_none(counts, marked
     axes = Figure().subplots()
     draw_spectra(axes, records, "physical")
     assert [line.get_marker() not in ("", "None") for line in axes.get_lines()] == [marked] * len(counts)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words", "said"),
+    [
+        ({"u": 1e200}, ("plot", "pattern"), "holds values beyond any length (minimum): there is no shape"),
+        (
+            {"u": 0.0},
+            ("plot", "shape"),
+            "holds tangents or rulings of no length (minimum): there is no shape",
+        ),
+        ({"discretisation": "x"}, ("spectrum",), "no discretisation 'x' is known here: update ribbon"),
+    ],
+)
+def test_a_file_that_holds_no_shape_says_so(changes, words, said, solved, tmp_path):  # noqa: F811
+    state: StateRecord = states_of(solved, "mobius")[-1]
+    if "u" in changes:
+        u = state.u.copy()
+        u[3] = changes["u"]
+        changes = {"u": u}
+    path = tmp_path / "odd.h5"
+    path.write_bytes(encode(replace(state, **changes)))
+    command, *kind = words
+    result = ribbon(command, path, *kind, *(("-o", tmp_path / "x.png") if kind else ()))
+    assert (result.exit_code, said in result.stderr) == (2, True), result.output
+
+
+@pytest.mark.parametrize(("count", "scale"), [(6, "linear"), (100, "log")])
+def test_modes_are_numbered_by_whole_numbers(count, scale):
+    spectrum = make_spectrum(np.random.default_rng(3), count, "physical", 6, None)
+    values = 1.0 + np.arange(float(count))
+    full = replace(
+        spectrum, values=values, residuals=0 * values, labels=("",) * count, sliding_overlap=0 * values
+    )
+    figure = Figure()
+    axes = figure.subplots()
+    draw_spectra(axes, [make_record(1, n=8, spectra=(full,))], "physical")
+    figure.canvas.draw()
+    assert axes.get_xscale() == scale
+    texts = [label.get_text() for label in axes.get_xticklabels()]
+    assert [text for text in texts if text and not re.fullmatch(r"0\.1|[0-9]+", text)] == []

@@ -13,6 +13,7 @@ import ribbon_cli
 from ribbon_cli.errors import UsageError
 from ribbon_cli.plot.fields import Choice, axis_text, chosen, curves, fields_figure
 from ribbon_cli.plot.figure import find_style
+from ribbon_cli.plot.style import MOST_LOOKS
 from ribbon_cli.report.rows import Column, Rows
 
 
@@ -86,9 +87,20 @@ def test_figures_have_a_line_for_each_curve_and_open_marks() -> None:
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("$b$", "$E$")
 
 
-def test_columns_by_their_last_word() -> None:
-    assert [axis_text(name) for name in ("ends.twist", "kkt_residual", "segments")] == [
-        *("twist", "kkt residual", "$N$"),
+def test_open_marks_have_no_certificate_however_many_curves_there_are() -> None:
+    table = rows(*(row(b, n) for n in range(MOST_LOOKS) for b in (0.1, 0.2)), row(0.3, 9, certified=False))
+    figure = fields_figure(table, chosen(table, Choice()), find_style("paper"))
+    found = [line for line in figure.axes[0].lines if line.get_markerfacecolor() == "white"]
+    found = [line for line in found if line.get_marker() not in ("", "None") and len(line.get_xdata())]
+    assert [list(line.get_xdata()) for line in found] == [[0.3]]
+    entries = [line for line in figure.legends[0].get_lines() if line.get_markerfacecolor() == "white"]
+    assert [line.get_label() for line in entries] == ["no certificate"]
+
+
+def test_columns_by_their_last_word_and_keys_of_schedules_whole() -> None:
+    names = ("ends.twist", "kkt_residual", "segments", "parameter_twist", "schedule.0.twist.to", "widths.0")
+    assert [axis_text(name) for name in names] == [
+        *("twist", "kkt residual", "$N$", "twist", "schedule.0.twist.to", "widths.0"),
     ]
 
 

@@ -84,6 +84,19 @@ def test_places_to_spare_change_no_solution(places):
     assert np.abs(after - others).max() < 1e-6 * np.abs(after).max()
 
 
+def test_derivatives_for_other_multipliers_keep_the_barrier(places, monkeypatch):
+    """No pair is looked at again, and the matrix is the one made anew."""
+    state, xs, own = places
+    problem = BarrierProblem(state.band, REACH * state.band.length)
+    x = xs[-5]
+    local, anew = (problem.local_derivatives(x, y) for y in (None, own))
+    looked = _counted(monkeypatch, BarrierProblem, "near")
+    other = problem.with_multipliers(x, local, own)
+    assert not looked
+    one, two = (kkt_matrix(problem, each, problem.rotations(x)).upper for each in (other, anew))
+    assert (one != two).nnz == 0
+
+
 def test_one_list_over_all_pairs_serves_many_shapes(places, monkeypatch):
     """And the short ones that are taken from it miss no pair of all that there are."""
     state, xs, _ = places

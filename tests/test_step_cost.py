@@ -16,28 +16,48 @@ from ribbon_cli.solver.newton import _normal_factor, solve
 from ribbon_cli.solver.resting_kkt import kkt_matrix
 
 
-def test_a_solve_evaluates_and_factors_once_a_step(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Besides, the start is evaluated, and the end factored once more, and evaluated a step on."""
-    state, multipliers = load("pi-b0.5-N50")
-    problem = Problem(state.band)
-    counts = {"local_derivatives": 0, "lagrangian_gradient": 0, "_factor": 0}
-    for owner, name in (
-        (Problem, "local_derivatives"),
-        (Problem, "lagrangian_gradient"),
-        (Factor, "_factor"),
-    ):
+def _counted(monkeypatch: pytest.MonkeyPatch, *methods: tuple[type, str]) -> dict[str, int]:
+    """How often methods are called from now on, by name."""
+    counts = dict.fromkeys((name for _, name in methods), 0)
+    for owner, name in methods:
 
         def counted(*given: object, name: str = name, call: object = getattr(owner, name)) -> object:
             counts[name] += 1
             return call(*given)  # type: ignore[operator]
 
         monkeypatch.setattr(owner, name, counted)
+    return counts
+
+
+@pytest.mark.parametrize("known", [True, False], ids=["multipliers known", "estimated"])
+def test_a_solve_evaluates_and_factors_once_a_step(known: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Besides, the start is evaluated, and the end factored once more, and evaluated a step on. Estimated
+    multipliers take a factorisation, and no other evaluation of the start."""
+    state, multipliers = load("pi-b0.5-N50")
+    problem = Problem(state.band)
+    methods = (Problem, "local_derivatives"), (Problem, "lagrangian_gradient"), (Factor, "_factor")
+    counts = _counted(monkeypatch, *methods, (Problem, "_hessian_entries"))
     x = state.vector() + 1e-4 * np.sin(np.arange(problem.size))
-    result = solve(problem, x, multipliers.vector())
+    result = solve(problem, x, multipliers.vector() if known else None)
     assert result.certified
     assert result.surplus_seen == 0
-    steps = result.steps
-    assert counts == {"local_derivatives": steps + 2, "lagrangian_gradient": steps + 1, "_factor": steps + 1}
+    steps, more = result.steps, int(not known)
+    assert counts == {
+        "local_derivatives": steps + 2,
+        "lagrangian_gradient": steps + 1 + more,
+        "_factor": steps + 1 + more,
+        "_hessian_entries": steps + 2 + more,
+    }
+
+
+def test_trials_that_are_not_taken_have_no_hessian(monkeypatch: pytest.MonkeyPatch) -> None:
+    state, multipliers = load("pi-b0.5-N50")
+    problem = Problem(state.band)
+    counts = _counted(monkeypatch, (Problem, "local_derivatives"), (Problem, "_hessian_entries"))
+    x = state.vector() + 0.03 * np.sin(np.arange(problem.size))
+    result = solve(problem, x, multipliers.vector())
+    assert result.certified
+    assert counts["_hessian_entries"] == result.steps + 2 < counts["local_derivatives"]
 
 
 def test_pivots_of_normal_matrices_are_not_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -60,7 +60,7 @@ def test_flipped_bytes_never_pass_unnoticed(tmp_path):
     assert refusals == 400
     path.write_bytes(bad)
     with pytest.raises(StoreError, match="not the bytes that were committed"):
-        run.check_file(1)
+        run.load(1)
 
 
 @pytest.mark.parametrize("keep", [0, 1, 7, 100, 2000, -1])

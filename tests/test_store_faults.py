@@ -103,7 +103,7 @@ def assert_intact(run: Run, stored: int) -> None:
     assert labels[:stored] == list(range(1, stored + 1))
     enter(run)
     for label, entry in run.entries().items():
-        run.check_file(label)
+        run.load(label)
         assert entry.state.content_sha256 == expected_content(label)
     assert not list(run.path.rglob(".tmp-*"))
     assert not list(run.path.rglob("*.damaged*"))

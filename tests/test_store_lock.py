@@ -148,7 +148,7 @@ def test_nothing_committed_is_lost_in_kills_at_random_moments(tmp_path, kills):
     assert acknowledged >= awaited > 2 * kills
     run.sweep()
     for label in run.entries():
-        run.check_file(label)
+        run.load(label)
     assert run.load(acknowledged).label == acknowledged
     assert {Path(name).suffix for name in relative_files(run.path / "states")} == {".h5"}
 

@@ -48,7 +48,7 @@ def test_commit_load_and_list(tmp_path):
     assert relative_files(run.path / "states") == {"0001.h5", "0002.h5", "0003.h5", "0004.h5"}
     for record in records:
         assert content_sha256(run.load(record.label)) == content_sha256(record)
-        run.check_file(record.label)
+        run.load(record.label)
     with pytest.raises(UsageError, match="no state 5; the run has labels 1 to 4"):
         run.load(5)
 
@@ -170,7 +170,7 @@ def test_every_torn_last_line_is_ignored_then_cut_and_its_state_adopted(tmp_path
         assert [state.label for state in run.states()] == [1, 2]
         assert run.entries()[2].document["adopted"] is True
         assert last_event(run).kind == "recovered"
-        run.check_file(2)
+        run.load(2)
 
 
 def test_a_crash_between_file_and_log_line_is_adopted(tmp_path):
@@ -204,9 +204,9 @@ def test_damage_is_told_from_health(tmp_path):
     data[len(data) // 2] ^= 1
     path.write_bytes(data)
     run.state_path(3).unlink()
-    run.check_file(1)
+    run.load(1)
     with pytest.raises(StoreError, match=r"0002\.h5: damaged: not the bytes that were committed"):
-        run.check_file(2)
+        run.load(2)
     with pytest.raises(StoreError, match=r"0003\.h5: cannot be read: No such file"):
         run.load(3)
 
@@ -219,7 +219,7 @@ def test_a_log_that_misquotes_a_state_is_found(tmp_path):
     documents[1]["state"]["energy"] = 1.0
     run.log_path.write_bytes(b"".join(map(format_line, documents)))
     with pytest.raises(StoreError, match="its line on state 1 is not what"):
-        run.check_file(1)
+        run.load(1)
 
 
 def test_a_lost_log_is_rebuilt_from_the_states(tmp_path):
@@ -282,9 +282,9 @@ def test_repair_corrects_a_line_that_is_not_what_its_state_holds(tmp_path):
     entries[1]["state"] = entries[1]["state"] | {"energy": 1.0}
     run.log_path.write_bytes(b"".join(map(format_line, entries)))
     with pytest.raises(StoreError, match="its line on state 1 is not what"):
-        run.check_file(1)
+        run.load(1)
     assert run.repair() == ["wrote the line on state 1 anew"]
-    run.check_file(1)
+    run.load(1)
 
 
 def test_repair_restores_config_files_from_the_states(tmp_path):

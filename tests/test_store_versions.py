@@ -60,7 +60,7 @@ def test_there_is_a_frozen_run_of_every_version_up_to_this_one():
 def test_every_state_is_read_and_verified(folder):
     run = Run.open(folder)
     for label in run.entries():
-        run.check_file(label)
+        run.load(label)
     result = ribbon("verify", "all")
     assert (result.exit_code, result.stdout) == (0, ""), result.output
     assert len(ribbon_json("ls", run.short_name, "--all")) == len(run.entries())

@@ -76,8 +76,13 @@ def test_vtkhdf_reads_back_with_area_energy_and_parameters(strips: Path, name: s
         kappa = root["PointData/kappa_s"][:count]
         assert np.isfinite(kappa).all()
         for parameter in records[0].parameters:
-            stored = root[f"FieldData/{parameter}"][:].tolist()
+            own = parameter if parameter == "half_width" else f"parameter_{parameter}"
+            stored = root[f"FieldData/{own}"][:].tolist()
             assert stored == [record.parameters[parameter] for record in records]
+        # Tw and not the angle of the end, which has the same name among the parameters.
+        twist, writhe = root["FieldData/twist"][:], root["FieldData/writhe"][:]
+        assert twist.tolist() == [record.twist for record in records]
+        np.testing.assert_allclose(twist + writhe, root["FieldData/linking_number"][:], atol=1e-12)
         if name == "cantilever":
             assert root["Steps/Values"][:].tolist() == [r.parameters["end_force_y"] for r in records]
 
@@ -157,7 +162,10 @@ def test_csv_and_json_have_the_end_and_the_parameters(strips: Path, name: str) -
     assert rows[-1]["xi"] == ""
     assert "linking_number" not in rows[0]
     for parameter, value in record.parameters.items():
-        assert float(rows[0][parameter]) == value
+        assert float(rows[0][parameter if parameter == "half_width" else f"parameter_{parameter}"]) == value
+    row = {name: float(rows[0][name]) for name in ("twist", "writhe", "twist_plus_writhe")}
+    assert row == {"twist": record.twist, "writhe": record.writhe, "twist_plus_writhe": record.linking_number}
+    assert (name == "sheared") == (abs(record.twist) > 1e-3)
     document = json.loads(json_bytes(record, "x"))
     assert document["parameters"] == record.parameters
     assert document["arrays"]["lambda_2"][0] is None

@@ -227,7 +227,7 @@ def test_its_states_are_those_of_an_ordinary_run(surveyed: Run) -> None:
     assert all(state.kind == "equilibrium" for state in states)
     assert {state.status for state in states} <= {"minimum", "saddle"}
     for state in states:
-        surveyed.check_file(state.label)
+        surveyed.load(state.label)
 
 
 def test_a_finished_survey_computes_nothing(surveyed: Run) -> None:

@@ -22,12 +22,15 @@ from ribbon_cli.api.gathering import gathered, sources
 from ribbon_cli.config import load_sweep, parse_config
 from ribbon_cli.errors import UsageError
 from ribbon_cli.report.rows import Column, Rows, csv_bytes
-from ribbon_cli.report.where import condition
+from ribbon_cli.report.where import condition, hints
 from ribbon_cli.store import Run, keep_sweep, list_runs
 from ribbon_cli.study import solve_config
 
-KINDS = {"energy": "number", "certified": "truth", "run": "text", "initial_guess.half_width": "number"}
+KINDS = {"half_width": "number", "linking_number": "number", "parameter_shear": "number"}
+KINDS |= dict.fromkeys(("schedule.0.shear", "schedule.0.shear.to", "widths.10"), "number")
+KINDS |= {"energy": "number", "certified": "truth", "run": "text", "initial_guess.half_width": "number"}
 ROW = {"energy": 3.0, "certified": True, "run": "a-6170e105", "initial_guess.half_width": 0.1 + 0.2}
+ROW |= {"schedule.0.shear": 0.2, "schedule.0.shear.to": 1.0, "widths.10": 2.0}
 
 
 @pytest.fixture(scope="module")
@@ -50,11 +53,20 @@ def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ("certified == true", True),
         ("certified != False", True),
         ("energy > -1e3", True),
+        ("schedule.0.shear == 0.2 and widths.10 > 1.5", True),
+        ("schedule.0.shear.to < 2 and run != 'widths.0'", True),
         (" run != 'b' ", True),
     ],
 )
 def test_conditions(text: str, holds: bool) -> None:
     assert condition(text, KINDS)(ROW) is holds
+
+
+def test_a_condition_on_twist_is_told_which_twist_it_is() -> None:
+    columns = ("twist", "parameter_twist", "energy")
+    assert "angle of a strip's end is parameter_twist" in hints("energy < 5 and twist > 0.3", columns)[0]
+    for text, known in (("parameter_twist > 0.3", columns), ("twist > 0.3", columns[::2]), (None, columns)):
+        assert hints(text, known) == []
 
 
 @pytest.mark.parametrize("missing", [None, math.nan])
@@ -69,6 +81,15 @@ def test_a_comparison_with_a_missing_value_does_not_hold(missing: float | None) 
     ("text", "message"),
     [
         ("enrgy < 5", "column 1: no column 'enrgy'; did you mean energy"),
+        (
+            "energy < 5 and schedule.0.shar > 1",
+            "column 16: no column 'schedule.0.shar'; did you mean",
+        ),
+        ("b == 0.02", "no column 'b'; did you mean half_width"),
+        ("twist_plus_writhe > 0", "did you mean linking_number"),
+        ("shear > 0", "did you mean parameter_shear"),
+        ("run == minimum", "column 8: no column 'minimum'; a text stands in quotes: 'minimum'"),
+        ("minimum != run", "column 1: .* in quotes"),
         ("energy < 5 and initial_guess.halfwidth > 1", "column 16: .*did you mean initial_guess.half_width"),
         ("energy", "energy is a number: compare it"),
         ("energy < 'a'", "a number is compared with a text"),
@@ -112,7 +133,8 @@ def test_a_row_for_each_state_of_runs_and_sweeps(root: Path) -> None:
 
 
 def test_each_run_comes_once(root: Path) -> None:
-    assert len(sources(root, ["fam", "fam", "ring", "ring"])) == 6
+    found = sources(root, ["fam", "fam", "ring", "ring"])
+    assert [source.begun for source in found] == [True] * 5 + [False, True]
 
 
 def test_eigenvalues_are_those_stored(root: Path) -> None:

@@ -13,7 +13,7 @@ from ribbon_cli.model.touching import EDGE, FACET, VERTEX, Shape, excluded_dista
 from ribbon_cli.model.touching_audit import Motion, _over_facets, audit
 from ribbon_cli.model.touching_barrier import barrier, nearest
 from ribbon_cli.model.touching_features import Features, corners_of, edge_distances
-from ribbon_cli.model.touching_gaps import Pairs, arguments, gaps, places, vectors
+from ribbon_cli.model.touching_gaps import Pairs, arguments, gap_rates, gaps, places, vectors
 
 KINDS = {
     "vertex-facet": ((VERTEX, 4), (FACET, 21)),
@@ -40,10 +40,11 @@ def test_derivatives_of_gaps(kind, sign):
 
     at[18] = 0.0
     found = gaps(at[:18].reshape(1, 6, 3), what, pairs.sign, 0.7)
+    rates = gap_rates(at[:18].reshape(1, 6, 3), what, pairs.sign, 0.7)
     v, b = move[:18], move[18]
-    once = found.gradient.reshape(18) @ v + b * found.rate[0]
-    twice = v @ found.hessian[0] @ v + 2.0 * b * (found.rate_gradient.reshape(18) @ v)
-    twice += b * b * found.rate_second[0]
+    once = found.gradient.reshape(18) @ v + b * rates.rate[0]
+    twice = v @ found.hessian[0] @ v + 2.0 * b * (rates.gradient.reshape(18) @ v)
+    twice += b * b * rates.second[0]
     slopes = [s.slope for s in taylor_slopes(value, at, move, (once, twice))]
     assert slopes == pytest.approx([1.0, 2.0, 3.0], abs=0.1)
 

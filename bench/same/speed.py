@@ -67,7 +67,7 @@ def _runs(builds: tuple[Build, Build], states: int) -> Iterator[tuple[Path, Path
         for build, place in zip(builds, (before, after), strict=True):
             place.mkdir()
             subprocess.run(
-                [sys.executable, "-c", _MAKE, str(place), str(states)],
+                [sys.executable, "-P", "-c", _MAKE, str(place), str(states)],
                 env=build.environment(),
                 capture_output=True,
                 check=True,

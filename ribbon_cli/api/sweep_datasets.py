@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ribbon_cli import api
+from ribbon_cli.api.aims import Aims
 from ribbon_cli.api.datasets import Cell, variables_of
 from ribbon_cli.api.extras import extra
 from ribbon_cli.api.gathering import key_column, spelled
@@ -46,9 +47,11 @@ def dataset(sweep: api.OpenSweep, modes: int) -> Dataset:
     members = [_members(sweep, group) for group in sweep.groups]
     axes = [_axis(group, found) for group, found in zip(sweep.groups, members, strict=True)]
     runs = [(_place(sweep, members, point), point.run) for point in sweep.points if point.run is not None]
-    states = [(place, run, state) for place, run in runs for state in _states(run)]
+    states = [(place, run, state) for place, run in runs for state in _states(run, sweep.keys)]
     if not states:
-        raise UsageError(f"the sweep {sweep.name} has no equilibria yet: `ribbon sweep` runs its points")
+        raise UsageError(
+            f"the sweep {sweep.name} has no state at its targets yet: `ribbon sweep` runs its points"
+        )
     inner = _inner(states)
     placed: dict[Cell, tuple[Run, Summary]] = {}
     for place, run, state in states:
@@ -96,12 +99,17 @@ def _place(sweep: api.OpenSweep, members: list[list[tuple[Any, ...]]], point: ap
     return tuple(found.index(_values(point, group)) for found, group in pairs)
 
 
-def _states(run: api.OpenRun) -> list[Summary]:
-    """A run's equilibria, of several at one place the one that is meant. Raises StoreError."""
+def _states(run: api.OpenRun, keys: Sequence[str]) -> list[Summary]:
+    """A run's equilibria where its config leads, for each half-width and N the one that is meant.
+
+    Those on the way belong to none of the sweep's values, nor do others that were added by hand. Raises
+    StoreError, ConfigError.
+    """
     found, lost = run.found()
     if lost:
         raise StoreError("; ".join(damage_in_words(run, lost)))
-    return [meant(group) for group in by_place(found).values()]
+    aims = Aims.of(run)
+    return [meant(group) for group in by_place(s for s in found if aims.is_end(s, keys)).values()]
 
 
 def _inner(states: Sequence[tuple[Cell, Run, Summary]]) -> list[_Axis]:

@@ -60,15 +60,19 @@ def _modes(choice: plot.fields.Choice, where: str | None) -> int:
 
 
 def _shapes(found: Sequence[Source], rows: Rows) -> list[tuple[StateRecord, str]]:
-    """The shapes of the finest mesh of each run and place, each with what tells it from the others."""
+    """The shapes of the finest mesh of each run and place, each with what tells it from the others.
+
+    A state that several runs have, as the start of their schedules, comes once.
+    """
     kept = {row["state"]: row for row in rows.rows}
-    runs = {source.run.path: source.run for source in found}.values()
+    runs = {source.run.path: source.run for source in found if source.begun}.values()
     keys = [key for key in plot.fields.keys_apart(rows) if key != "segments"]
-    states = []
+    states, seen = [], set()
     for run in runs:
         for state in export.series.finest(run) if run.states() else ():
             row = kept.get(f"{run.name}:{state.label}")
-            if row is not None:
+            if row is not None and state.content_sha256 not in seen:
+                seen.add(state.content_sha256)
                 told = [_told(key, row[key]) for key in keys] or [plot.labels.plain(run.short_name)]
                 states.append((run.load(state.label), ", ".join(told)))
     if not states:

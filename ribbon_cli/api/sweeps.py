@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ribbon_cli import api, plot
@@ -18,7 +19,7 @@ from ribbon_cli.api.sweep_console import sweep_console
 from ribbon_cli.api.tables import data_frame
 from ribbon_cli.config import Point, load_sweep
 from ribbon_cli.errors import UsageError
-from ribbon_cli.store import find_sweep, keep_sweep, list_sweeps, record_of, runs_root, suggest
+from ribbon_cli.store import Run, find_sweep, keep_sweep, list_sweeps, record_of, runs_root, suggest
 from ribbon_cli.sweeps import SweepEvent, SweepOutcome, executor_for, run_sweep, what_is_left
 
 if TYPE_CHECKING:
@@ -28,11 +29,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class OpenPoint:
-    """A point of a sweep: the values that vary, by dotted key, and its run, None where there is none yet."""
+    """A point of a sweep: the values that vary, by dotted key, and its run, None where there is none yet.
+
+    `path` is the folder of its run.
+    """
 
     name: str
     values: Mapping[str, Any]
     run: api.OpenRun | None
+    path: Path
 
 
 @dataclass(frozen=True)
@@ -60,9 +65,10 @@ class OpenSweep:
         """The equilibria as a dataset over the keys that vary, by their dotted names.
 
         Keys that go together share a dimension. Where runs have several half-widths or numbers of segments,
-        these are dimensions as well; of several states at one place it is the one that `at` takes. Facts are
-        variables; what has not been run is not-a-number. Raises UsageError for a sweep without equilibria,
-        StoreError, ImportError without xarray.
+        these are dimensions as well; of several states at one place it is the one that `at` takes. A cell
+        has a state only where the run has one at the end of its schedule, and not on the way there. Facts are
+        variables; what was not run or not reached is not-a-number, and not certified. Raises UsageError for a
+        sweep without such states, StoreError, ConfigError, ImportError without xarray.
         """
         return api.sweep_datasets.dataset(self, modes)
 
@@ -95,7 +101,7 @@ class OpenSweep:
         return plot.kinds.draw(kind, source, look).dressed(look, caption, title)
 
     def _sources(self) -> list[Source]:
-        return [Source(p.run, self.name, p.values) for p in self.points if p.run is not None]
+        return [Source(p.run or Run(p.path), self.name, p.values) for p in self.points]
 
 
 def sweep(
@@ -154,5 +160,7 @@ def open_sweep(name: str, runs: str | os.PathLike[str] | None = None) -> OpenSwe
     record = find_sweep(root, path_text("name", name))
     if record is None:
         raise UsageError(f"no sweep {name!r} in {root}{suggest(name, list_sweeps(root))}")
-    found = (OpenPoint(p.name, p.values, api.OpenRun(p.path) if p.exists else None) for p in record.points)
+    found = (
+        OpenPoint(p.name, p.values, api.OpenRun(p.path) if p.exists else None, p.path) for p in record.points
+    )
     return OpenSweep(record.name, record.groups, tuple(found))

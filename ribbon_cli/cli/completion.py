@@ -25,7 +25,7 @@ from ribbon_cli.parts import HALF_WIDTH, PARAMETERS
 SHELLS = ("bash", "zsh", "fish")
 _MOST = 500
 """Most candidates that are worth showing."""
-_PLAIN = re.compile(r"[\w.@:=,+-]*")
+_PLAIN = r"[\w.@:=,+-]*"
 """Characters that every shell takes as plain text; folders with other names are not offered."""
 
 _BASH = """\
@@ -104,7 +104,7 @@ def _candidates(find: Callable[[click.Context, str], Iterable[str]], kind: str =
         found: list[str] = []
         try:
             for value in dict.fromkeys(find(ctx, incomplete)):
-                if value.startswith(incomplete) and _PLAIN.fullmatch(value) and len(found) < _MOST:
+                if value.startswith(incomplete) and re.fullmatch(_PLAIN, value) and len(found) < _MOST:
                     found.append(value)
         except Exception:  # noqa: BLE001  (a damaged run must not put a traceback into the user's line)
             found = []

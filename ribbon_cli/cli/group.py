@@ -7,6 +7,7 @@ import signal
 import sys
 import traceback
 from collections.abc import Sequence
+from importlib import import_module
 from typing import Any
 
 import click
@@ -17,6 +18,19 @@ from ribbon_cli.cli.settings import Settings
 from ribbon_cli.errors import RibbonError, UsageError
 from ribbon_cli.study.process import Stopped
 from ribbon_cli.text import visible
+
+
+class Unread(click.Command):
+    """The name of a command, and the module that is imported once it is asked for: each has its own."""
+
+    def __init__(self, name: str, home: str) -> None:
+        super().__init__(name)
+        self.home = home
+
+    def read(self) -> click.Command:
+        """The command itself."""
+        found = vars(import_module(self.home)).values()
+        return next(item for item in found if isinstance(item, click.Command) and item.name == self.name)
 
 
 class RibbonGroup(click.Group):
@@ -51,6 +65,13 @@ class RibbonGroup(click.Group):
     def list_commands(self, ctx: click.Context) -> list[str]:
         """The commands in the order of use, which is that of their definition."""
         return list(self.commands)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """A command by its name."""
+        found = self.commands.get(cmd_name)
+        if isinstance(found, Unread):
+            found = self.commands[cmd_name] = found.read()
+        return found
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]

@@ -10,26 +10,10 @@ import sys
 import click
 
 import ribbon_cli
-from ribbon_cli.cli.compare_command import compare
 from ribbon_cli.cli.completion import SHELLS, register_bash, script
-from ribbon_cli.cli.config_commands import check, init, schema
-from ribbon_cli.cli.continue_command import continue_
-from ribbon_cli.cli.export_command import export
-from ribbon_cli.cli.group import RibbonGroup
+from ribbon_cli.cli.group import RibbonGroup, Unread
 from ribbon_cli.cli.output import emit, emit_json
-from ribbon_cli.cli.plot_command import plot
-from ribbon_cli.cli.report_command import report_page
-from ribbon_cli.cli.rm_command import rm
-from ribbon_cli.cli.rows_command import table
-from ribbon_cli.cli.run_commands import pack, path, repair, rerun, unpack
 from ribbon_cli.cli.settings import Settings, common_options, pass_settings
-from ribbon_cli.cli.solve_commands import refine, solve
-from ribbon_cli.cli.spectrum_command import spectrum
-from ribbon_cli.cli.store_commands import ls, show
-from ribbon_cli.cli.survey_command import survey
-from ribbon_cli.cli.sweep_command import sweep
-from ribbon_cli.cli.table_command import convergence_table
-from ribbon_cli.cli.verify_command import verify
 from ribbon_cli.errors import UsageError
 from ribbon_cli.study.process import ONE_THREAD, heed
 
@@ -88,13 +72,31 @@ def completion(settings: Settings, shell: str | None) -> None:
     emit_json({"shell": name, "script": text}) if settings.json else emit(text)
 
 
-_COMMANDS = (
-    *(init, check, solve, sweep, survey, refine, continue_, convergence_table, spectrum),
-    *(ls, show, table, compare, path, verify, repair, rerun, pack, unpack, rm),
-    *(plot, export, report_page, schema, completion),
-)
-for _command in _COMMANDS:
-    cli.add_command(_command)
+# In the order of use, each with the module that it is in.
+_COMMANDS = {
+    **dict.fromkeys(("init", "check"), "config_commands"),
+    "solve": "solve_commands",
+    "sweep": "sweep_command",
+    "survey": "survey_command",
+    "refine": "solve_commands",
+    "continue": "continue_command",
+    "convergence-table": "table_command",
+    "spectrum": "spectrum_command",
+    **dict.fromkeys(("ls", "show"), "store_commands"),
+    "table": "rows_command",
+    "compare": "compare_command",
+    "path": "run_commands",
+    "verify": "verify_command",
+    **dict.fromkeys(("repair", "rerun", "pack", "unpack"), "run_commands"),
+    "rm": "rm_command",
+    "plot": "plot_command",
+    "export": "export_command",
+    "report": "report_command",
+    "schema": "config_commands",
+}
+for _name, _home in _COMMANDS.items():
+    cli.add_command(Unread(_name, f"ribbon_cli.cli.{_home}"))
+cli.add_command(completion)
 
 
 def main() -> None:

@@ -44,6 +44,8 @@ def table(
     form = None if output is None else _format(output, overwrite)
     found = api.gathering.gathered(api.gathering.sources(settings.root, names), every, modes or 0)
     found = found.where(where)
+    for words in (*found.missed, *report.where.hints(where, [column.name for column in found.columns])):
+        say(settings, words)
     if columns is not None:
         found = found.only([name.strip() for name in columns.split(",")])
     if form is not None and output is not None:

@@ -72,6 +72,10 @@ class Strip:
         return quads
 
 
+_FARTHEST = 1e12
+"""Bound of coordinates, far beyond those of the strips that a config may ask for (1e9)."""
+
+
 def is_closed(record: StateRecord) -> bool:
     """Whether the two ends of the strip meet: closed midline, g_{N+1} = sigma g_1, not cut elsewhere."""
     if record.parts.ends is not None:
@@ -83,10 +87,16 @@ def is_closed(record: StateRecord) -> bool:
 
 def check_shape(record: StateRecord) -> None:
     """Raise UsageError for a state that went wrong, and has no shape to show."""
-    if not all(np.isfinite(values).all() for values in (record.u, record.g, record.g_end, record.midline)):
-        raise UsageError(
-            f"state {record.label} holds values that are not finite ({record.status}): there is no shape"
-        )
+    fields = (record.u, record.g, record.g_end, record.midline)
+    if not all(np.isfinite(values).all() for values in fields):
+        what = "values that are not finite"
+    elif not all((np.abs(values) < _FARTHEST).all() for values in fields):
+        what = "values beyond any length"
+    elif not (record.u.any(axis=1).all() and record.g.any(axis=1).all()):
+        what = "tangents or rulings of no length"
+    else:
+        return
+    raise UsageError(f"state {record.label} holds {what} ({record.status}): there is no shape")
 
 
 def strip(record: StateRecord) -> Strip:

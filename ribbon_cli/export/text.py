@@ -23,6 +23,8 @@ _OF_STATE = (
     "segments",
     "sigma",
     "linking_number",
+    "twist",
+    "writhe",
     "energy",
     "certified",
     "self_contact",
@@ -34,8 +36,9 @@ def csv_bytes(record: StateRecord, run: str | None) -> bytes:
     strip one more for its end, with nothing of a facet.
 
     `alpha_node` and `alpha_facet` say where the two lie: fields of a node stand left of those of its facet.
-    The last columns are of the state, the same in every row: readers take lines of `#` for data. Numbers are
-    written so that they read back exactly.
+    The last columns are of the state, the same in every row: readers take lines of `#` for data. `twist` is
+    Tw in turns, a strip's parameters are `parameter_twist` and so on, as in tables. Numbers are written so
+    that they read back exactly.
     """
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
@@ -55,7 +58,8 @@ def csv_bytes(record: StateRecord, run: str | None) -> bytes:
     if record.parts.ends is not None:
         _end_row(record, columns)
         state["twist_plus_writhe"] = state.pop("linking_number")
-        state |= {name: value for name, value in record.parameters.items() if name != HALF_WIDTH}
+        others = ((name, value) for name, value in record.parameters.items() if name != HALF_WIDTH)
+        state |= {f"parameter_{name}": value for name, value in others}
         state["bending_energy"] = record.energy if record.bending_energy is None else record.bending_energy
     state["content_sha256"] = content_sha256(record)
     columns |= {name: [value] * len(columns["i"]) for name, value in state.items()}

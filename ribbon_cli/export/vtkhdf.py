@@ -89,7 +89,9 @@ def _step(record: StateRecord, resting: bool) -> _Step:
     cells: dict[str, NDArray[Any]] = dict(facet_fields(record))
     cells |= {"normal": facet_normals(record), "facet": np.arange(1, record.segments + 1)}
     facts = {name: np.array([getattr(record, name)], dtype=np.float64) for name in SCALARS}
-    facts |= {name: np.array([value]) for name, value in record.parameters.items() if name != HALF_WIDTH}
+    # As in tables: `twist` is Tw in turns, `parameter_twist` the angle of the end.
+    others = ((name, value) for name, value in record.parameters.items() if name != HALF_WIDTH)
+    facts |= {f"parameter_{name}": np.array([value]) for name, value in others}
     facts |= {name: np.array([int(getattr(record, name))]) for name in ("label", "certified", "self_contact")}
     found = {"PointData": points, "CellData": cells, "FieldData": facts}
     if not resting:

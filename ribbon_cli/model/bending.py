@@ -14,7 +14,8 @@ import numpy as np
 
 from ..parts import CLAMPED, HALF_WIDTH
 from .band import Array, Band
-from .energy import energy_derivatives, energy_terms, fill_energy_derivatives
+from .constraints import NodeConstraints
+from .energy import NodeEnergy, energy_derivatives, energy_terms
 from .stencil import SIZE, U0, G, U, add_cross, add_diagonal, cross, dot
 from .term import Couplings, Term
 
@@ -57,25 +58,19 @@ class Bending(Term):
         """Energies (M,) by node."""
         return energy_terms(self.band, local, self.cells)
 
-    def derivatives(self, local: Array, *, with_hessian: bool) -> tuple[Array, Array, Array | None]:
-        """Energies (M,), gradients (14, M) and, if wanted, Hessians (14, 14, M)."""
-        return energy_derivatives(self.band, local, with_hessian=with_hessian, cells=self.cells)
+    def at(self, local: Array, shared: NodeConstraints) -> NodeEnergy:
+        """The energies at local vectors, which share what constraints know of these."""
+        return NodeEnergy(self.band, local, shared.fold, shared.fold_square, shared.ruling_square, self.cells)
 
-    def fill(
-        self,
-        local: Array,
-        gradient: Array,
-        hessian: Array | None,
-        known: tuple[Array, Array, Array] | None = None,
-    ) -> Array:
-        """The same, put into a gradient and a Hessian of zeros; returns the energies (M,)."""
-        return fill_energy_derivatives(self.band, local, gradient, hessian, self.cells, known)
+    def gradient(self, local: Array) -> Array:
+        """Gradients (14, M)."""
+        return energy_derivatives(self.band, local, self.cells)[1]
 
     def rate(self, parameter: str, local: Array) -> tuple[float, Array]:
         """By the half-width, to which the energy is proportional."""
         if parameter != HALF_WIDTH:
             return super().rate(parameter, local)
-        terms, gradient, _ = self.derivatives(local, with_hessian=False)
+        terms, gradient = energy_derivatives(self.band, local, self.cells)
         b = self.band.half_width
         return float(terms.sum()) / b, gradient / b
 

@@ -14,9 +14,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .band import Array, Band
-from .stencil import G1, SIZE, U0, G, U, X, diagonal
-
-PER_NODE = 5
+from .entries import (
+    G_G,
+    G_G1,
+    IN_SQUARE,
+    JACOBIAN,
+    JACOBIAN_ROWS,
+    OF_SQUARES,
+    ON_DIAGONAL,
+    PER_NODE,
+    SQUARES,
+    TO_G1,
+    U0_G,
+    U_G,
+    U_G1,
+    U_U,
+    X_X,
+    hessian_places,
+)
+from .stencil import G1, SIZE, U0, G, U, X
 
 
 def row_weights(band: Band) -> Array:
@@ -78,45 +94,44 @@ class NodeConstraints:
         np.subtract(self.ratio * along, self._tanh, out=out[4])
         return out
 
-    def fill_jacobian(self, out: Array) -> None:
-        """Put d c / d local, unweighted, into zeros (5,14,N)."""
+    def jacobian(self) -> Array:
+        """The entries (37,N) of d c / d local, unweighted."""
         local, k, gu = self.local, self.ratio, self._tangent
         u, g = local[U], local[G]
-        np.multiply(2.0, u, out=out[0, U])
-        np.multiply(-2.0 * gu, g, out=out[1, U])
-        np.multiply(2.0, g - gu * u, out=out[1, G])
-        out[2, U] = g
-        np.negative(g, out=out[2, U0])
-        out[2, G] = self.fold
-        out[3, U.start : G1.stop] = self._turned
-        np.multiply(k, self._along, out=out[4, U])
-        np.multiply(k, u, out=out[4, G1])
-        np.negative(out[4, G1], out=out[4, G])
-        np.negative(self._sech_squared, out=out[4, X])
+        out = np.empty((JACOBIAN_ROWS.size, gu.size))
+        unit, length, fold, turned, along = (out[rows] for rows in JACOBIAN)
+        np.multiply(2.0, u, out=unit)
+        np.multiply(-2.0 * gu, g, out=length[:3])
+        np.multiply(2.0, g - gu * u, out=length[3:])
+        np.negative(g, out=fold[:3])
+        fold[3:6], fold[6:] = g, self.fold
+        turned[:] = self._turned
+        np.multiply(k, self._along, out=along[:3])
+        np.multiply(k, u, out=along[6:9])
+        np.negative(along[6:9], out=along[3:6])
+        np.negative(self._sech_squared, out=along[9])
+        return out
 
-    def add_hessian(self, weight: Array, hessian: Array) -> None:
-        """Add sum_k weight_k d2 c_k to the upper triangle of hessian (14,14,N) in place; weight (5,N)."""
-        ug = self.local[U.start : G.stop]
-        gu = np.concatenate((ug[3:], ug[:3]))
+    def add_hessian(self, weight: Array, out: Array) -> None:
+        """Add sum_k weight_k d2 c_k to entries (72,N) of `entries` in place; weight (5,N)."""
+        local = self.local
         w2, kw5 = 2.0 * weight[1], self.ratio * weight[4]
-        # The products g g, u u on the diagonal and g u beside it; below it, where nothing is read, u g.
-        both = hessian[U.start : G.stop, U.start : G.stop]
-        both -= (w2 * gu)[:, None] * gu
-        on_diagonal = diagonal(hessian, U.start, U.start)
-        on_diagonal += 2.0 * weight[0]
-        on_diagonal = diagonal(hessian, G.start, G.start)
-        on_diagonal += w2
-        on_diagonal = diagonal(hessian, U.start, G.start)
-        on_diagonal += weight[2] - kw5 - w2 * self._tangent
-        on_diagonal = diagonal(hessian, U0.start, G.start)
-        on_diagonal -= weight[2]
-        on_diagonal = diagonal(hessian, U.start, G1.start)
-        on_diagonal += kw5
+        # Of -weight_2 (g.u)^2 the products g g, g u and u u.
+        gu = local.take(_RULING_TANGENT, axis=0)
+        products = (w2 * gu).take(SQUARES[0], axis=0)
+        products *= gu.take(SQUARES[1], axis=0)
+        out[OF_SQUARES] -= products
+        out[U_U][ON_DIAGONAL] += 2.0 * weight[0]
+        out[G_G][ON_DIAGONAL] += w2
+        out[U_G][IN_SQUARE] += weight[2] - kw5 - w2 * self._tangent
+        out[U0_G][IN_SQUARE] -= weight[2]
+        out[U_G1][IN_SQUARE] += kw5
         # Of weight_4 (u x g).g_{i+1}: [v]x of -g_{i+1}, g and -u.
-        turned = (weight[3] * self.local[U.start : G1.stop])[_CROSS_OF]
+        turned = (weight[3] * local[U.start : G1.stop]).take(_CROSS_OF, axis=0)
         turned *= _CROSS_SIGNS
-        hessian.reshape(SIZE * SIZE, -1)[_CROSS_AT] += turned
-        hessian[X, X] += 2.0 * weight[4] * self._tanh * self._sech_squared
+        out[U_G] += turned[:9]
+        out[TO_G1] += turned[9:]
+        out[X_X.stop - 1] += 2.0 * weight[4] * self._tanh * self._sech_squared
 
 
 def _crossed() -> NDArray[np.intp]:
@@ -129,16 +144,17 @@ def _crossed() -> NDArray[np.intp]:
     )
 
 
-def _crosses() -> tuple[NDArray[np.intp], NDArray[np.intp], Array]:
-    """Where (18,) the entries of -[g_{i+1}]x, [g_i]x and -[u_i]x stand in the flat Hessian, of which
-    components of (u_i, g_i, g_{i+1}) they are, and their signs (18,1)."""
-    at, of, signs = [], [], []
-    for row, column, vector, sign in ((U, G, G1, -1.0), (U, G1, G, 1.0), (G, G1, U, -1.0)):
-        for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):  # [v]x has -v_k at (i, j) and v_k at (j, i)
-            at += [SIZE * (row.start + i) + column.start + j, SIZE * (row.start + j) + column.start + i]
-            of += [vector.start - U.start + k] * 2
-            signs += [-sign, sign]
-    return np.array(at), np.array(of), np.array(signs)[:, None]
+def _crosses() -> tuple[NDArray[np.intp], Array]:
+    """For the entries of U_G, U_G1 and G_G1, those of -[g_{i+1}]x, [g_i]x and -[u_i]x, the components of
+    (u_i, g_i, g_{i+1}) that they are, and their signs (24,1), zero on diagonals."""
+    of, signs = [], []
+    rows, columns = hessian_places(())
+    for block, vector, sign in ((U_G, G1, -1.0), (U_G1, G, 1.0), (G_G1, U, -1.0)):
+        for row, column in zip(rows[block] % 3, columns[block] % 3, strict=True):
+            turn = (column - row) % 3  # [v]x has -v_k at (i, j) and v_k at (j, i) for i, j, k in turn
+            of.append(vector.start - U.start + (-row - column) % 3)
+            signs.append(sign * (0.0, -1.0, 1.0)[turn])
+    return np.array(of), np.array(signs)[:, None]
 
 
 # What scalar products are taken of: the local vector, u_i - u_{i-1}, g_{i+1} - g_i, and the gradient (9,N) of
@@ -148,4 +164,5 @@ _ACROSS = slice(_TURNED.stop - 3, _TURNED.stop)
 _DOTS = ((_FOLD, _FOLD), (G, G), (G, U), (U, U), (_FOLD, G), (_ACROSS, G1), (U, _ALONG))
 _FACTORS = [np.concatenate([np.arange(pair[k].start, pair[k].stop) for pair in _DOTS]) for k in (0, 1)]
 _CROSSED = _crossed()
-_CROSS_AT, _CROSS_OF, _CROSS_SIGNS = _crosses()
+_CROSS_OF, _CROSS_SIGNS = _crosses()
+_RULING_TANGENT = np.array([6, 7, 8, 3, 4, 5])

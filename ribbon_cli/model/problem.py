@@ -11,9 +11,9 @@ that ruling's length; its place is taken by the end's own row, (t_B - u_N).g_{N+
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache, partial
 
 import numpy as np
 import scipy
@@ -22,60 +22,31 @@ from numpy.typing import NDArray
 from ..parts import CLAMPED
 from ..parts import CLOSED as PLAIN
 from ..parts import FREE as FREE_END
-from . import stencil as local_blocks
 from .band import Array, Band, State
 from .bending import Bending
-from .constraints import PER_NODE, NodeConstraints, row_weights
+from .constraints import NodeConstraints, row_weights
 from .ends import displacement, finish_frame, start_frame
+from .energy import NodeEnergy
+from .entries import (
+    HESSIAN_ENTRIES,
+    IN_SQUARE,
+    JACOBIAN,
+    JACOBIAN_COLUMNS,
+    JACOBIAN_PIECES,
+    JACOBIAN_ROWS,
+    PER_NODE,
+    U_G,
+    hessian_places,
+    signed_hessian,
+    signed_jacobian,
+)
 from .sparsity import Scatter
-from .stencil import G1, SIZE, U0, X0, G, IntArray, Seam, Stencil, U, X, indices, stencil
+from .stencil import SIZE, U0, G, IntArray, Seam, Stencil, U, indices, stencil
 from .term import Couplings
 from .terms import terms_of
 
 END_ROW = 1
 """The row of a strip's end, in the place of node 1's second."""
-
-
-def _hessian_structure() -> NDArray[np.bool_]:
-    """Structural nonzeros (14,14) of a node's Lagrangian Hessian on and above the diagonal."""
-    full = np.zeros((SIZE, SIZE), dtype=bool)
-    for rows, columns in ((U, U), (G, G), (U0, G), (U, G), (U, G1), (G, G1)):
-        full[rows, columns] = True
-    full[U0, U0] = full[U0, U] = np.eye(3, dtype=bool)
-    full[G, G1] = ~np.eye(3, dtype=bool)
-    for block in (U0, U, G):
-        full[block, X0:] = True
-    full[X0:, X0:] = True
-    return np.triu(full)
-
-
-def _jacobian_structure() -> NDArray[np.bool_]:
-    """Structural nonzeros (5,14) of a node's constraint rows, those of auxiliary problems included."""
-    full = np.zeros((PER_NODE, SIZE), dtype=bool)
-    for row, blocks in enumerate(((U,), (U, G), (U0, U, G), (U, G, G1), (U, G, G1, X))):
-        for block in blocks:
-            full[row, block] = True
-    return full
-
-
-JACOBIAN_ROWS, JACOBIAN_COLUMNS = np.nonzero(_jacobian_structure())
-
-
-@lru_cache(maxsize=32)
-def hessian_places(couplings: Couplings) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Rows and columns of the structural nonzeros of a node's Hessian, with those that terms add."""
-    structure = _hessian_structure()
-    for one, other in couplings:
-        structure[getattr(local_blocks, one), getattr(local_blocks, other)] = True
-    rows, columns = np.nonzero(np.triu(structure))
-    return rows, columns
-
-
-@lru_cache(maxsize=32)
-def _entry_places(couplings: Couplings) -> NDArray[np.intp]:
-    """Where the entries of `LocalDerivatives` stand among Hessian, Jacobian and gradient, (20,14) flat."""
-    rows, columns = hessian_places(couplings)
-    return np.concatenate((SIZE * rows + columns, SIZE * (SIZE + JACOBIAN_ROWS) + JACOBIAN_COLUMNS))
 
 
 @dataclass(frozen=True)
@@ -154,27 +125,24 @@ FREE = Prescription()
 class LocalDerivatives:
     """Per-node derivatives with seam signs applied, ready to be scattered; M is N, on strips N+1.
 
-    `gradient` (7N,) of the energy; `constraints` (5N+3,) and `jacobian` (5,14,M) weighted by (2.47);
-    `entries` (E+37,M) are the structural ones of the Lagrangian's Hessian on and above its diagonal, which
-    stand at `places` (E,), and of the Jacobian, those of one place in the stencil together.
+    `gradient` (7N,) of the energy; `constraints` (5N+3,) and `jacobian_entries` (37,M) weighted by (2.47);
+    `hessian_at` makes the Lagrangian's Hessian for multipliers, zero without them, of which those
+    entries are given that stand at `places` (E,), on and above the diagonal.
     """
 
     energy: float
     gradient: Array
     constraints: Array
-    jacobian: Array
-    entries: Array
+    jacobian_entries: Array
     places: tuple[NDArray[np.intp], NDArray[np.intp]]
+    multipliers: Array | None
+    hessian_at: Callable[[Array | None], Array]
 
-    @property
-    def jacobian_entries(self) -> Array:
-        """Those of the Jacobian, (37,M)."""
-        return self.entries[self.places[0].size :]
-
-    @property
+    @cached_property
     def hessian_entries(self) -> Array:
-        """Those of the Hessian, (E,M)."""
-        return self.entries[: self.places[0].size]
+        """Those of the Lagrangian's Hessian (E,M), made when they are first asked for: a point that is
+        passed over needs none."""
+        return self.hessian_at(self.multipliers)
 
 
 class Problem:
@@ -323,73 +291,120 @@ class Problem:
         return out
 
     def local_derivatives(self, x: Array, multipliers: Array | None) -> LocalDerivatives:
-        """All derivatives at x for multipliers (5N+3,), node by node; without, the Hessian is left zero."""
+        """All derivatives at x for multipliers (5N+3,), node by node; without, the Hessian is zero."""
         local = self.local(x)
         shared = NodeConstraints(self.band, local)
-        energy, all_derivatives = self._unmasked(local, multipliers, shared)
+        bent = self.bending.at(local, shared)
+        energy, gradient = self._energy(local, bent)
+        jacobian = self._jacobian_entries(local, shared)
         if self._masked:
-            moves = ~np.concatenate((self.fixed, np.ones(self.stencil.seam.data, dtype=bool)))[
-                self.stencil.index
-            ]
-            all_derivatives[SIZE:] *= moves
-            all_derivatives[:SIZE] *= moves[:, None] & moves
-        couplings = self.layout.couplings
+            gradient *= self._moves
+            jacobian *= self._moves[JACOBIAN_COLUMNS]
         return LocalDerivatives(
             energy,
-            self.gathered(all_derivatives[-1]),
+            self.gathered(gradient),
             self._constraints(local, shared) * self.weights,
-            all_derivatives[SIZE:-1].copy(),
-            all_derivatives.reshape(-1, local.shape[1]).take(_entry_places(couplings), axis=0),
-            hessian_places(couplings),
+            jacobian,
+            hessian_places(self.layout.couplings),
+            multipliers,
+            partial(self._hessian_entries, local, shared, bent),
         )
+
+    def with_multipliers(self, x: Array, local: LocalDerivatives, multipliers: Array) -> LocalDerivatives:
+        """The derivatives at x for other multipliers (5N+3,) than those of `local`."""
+        del x
+        return replace(local, multipliers=multipliers)
 
     def unmasked(self, local: Array, multipliers: Array | None) -> tuple[float, Array, Array, Array]:
         """Derivatives in the local vectors (14,M), of what is held and of data as well as of unknowns.
 
         The energy, its gradient (14,M), the weighted Jacobian (5,14,M), the Lagrangian's Hessian (14,14,M).
         """
-        energy, out = self._unmasked(local, multipliers, NodeConstraints(self.band, local))
-        return energy, out[-1], out[SIZE:-1], out[:SIZE]
+        shared = NodeConstraints(self.band, local)
+        bent = self.bending.at(local, shared)
+        jacobian = np.zeros((PER_NODE, SIZE, local.shape[1]))
+        jacobian[JACOBIAN_ROWS, JACOBIAN_COLUMNS] = self._jacobian_entries(local, shared)
+        entries = self._unmasked_hessian(local, shared, bent, multipliers)
+        hessian = _full(entries, hessian_places(self.layout.couplings))
+        return *self._energy(local, bent), jacobian, hessian
 
-    def _unmasked(
-        self, local: Array, multipliers: Array | None, shared: NodeConstraints
-    ) -> tuple[float, Array]:
-        """The energy, and Hessian, Jacobian and gradient one below the other, (20,14,M)."""
-        band, seam = self.band, self.stencil
-        out = np.zeros((SIZE + PER_NODE + 1, SIZE, local.shape[1]))
-        hessian, jacobian, gradient = out[:SIZE], out[SIZE:-1], out[-1]
-        known = shared.fold, shared.fold_square, shared.ruling_square
-        filled = hessian if multipliers is not None else None
-        energy = float(self.bending.fill(local, gradient, filled, known).sum())
+    @cached_property
+    def _row_weights(self) -> tuple[Array, Array]:
+        """Weights of a node's constraints (5,1), and of the entries of its Jacobian (37,1)."""
+        weights = row_weights(self.band)[:, None]
+        return weights, weights[JACOBIAN_ROWS]
+
+    @cached_property
+    def _moves(self) -> NDArray[np.bool_]:
+        """Which components of the local vectors (14,M) are unknowns that move."""
+        held = np.concatenate((self.fixed, np.ones(self.stencil.seam.data, dtype=bool)))
+        moves: NDArray[np.bool_] = ~held[self.stencil.index]
+        return moves
+
+    def _energy(self, local: Array, bent: NodeEnergy) -> tuple[float, Array]:
+        """The energy and its gradient (14,M)."""
+        energy, gradient = float(bent.values().sum()), bent.gradient()
         for term in self.terms:
             energy += float(term.values(local).sum())
             gradient += term.gradient(local)
-            if multipliers is not None:
-                term.add_hessian(local, hessian)
-        shared.fill_jacobian(jacobian)
-        weights = row_weights(band)[:, None]
-        curvature = np.zeros((PER_NODE, local.shape[1]))
-        if multipliers is not None:
-            curvature -= weights * self.local_multipliers(multipliers)
+        if self.stencil.seam.strip:
+            self.stencil.fold_back(gradient)
+        self.stencil.apply_signs(gradient)
+        return energy, gradient
+
+    def _jacobian_entries(self, local: Array, shared: NodeConstraints) -> Array:
+        """Entries (37,M) of the weighted Jacobian."""
+        out = shared.jacobian()
         for node in self.prescription.rulings:
-            self._replace_unit_length_row(node, local, jacobian, hessian, curvature)
+            # g.u = 0 in place of |g|^2 = (g.u)^2 + 1, (2.19), second
+            out[JACOBIAN[1], node] = np.concatenate((local[G, node], local[U, node]))
         if self.prescription.seam is not None:
-            jacobian[2, :, 0] = 0.0
-            jacobian[2, U0, 0] = self._data
+            out[JACOBIAN[2], 0] = np.concatenate((self._data, np.zeros(6)))
+        if self.stencil.seam.strip:
+            out[JACOBIAN_ROWS == 1, 0] = 0.0
+            out[self._end_kind != JACOBIAN_ROWS, -1] = 0.0
+        out *= self._row_weights[1]
+        self.stencil.apply_signs(out, *signed_jacobian())
+        return out
+
+    def _hessian_entries(
+        self, local: Array, shared: NodeConstraints, bent: NodeEnergy, multipliers: Array | None
+    ) -> Array:
+        """Entries (E,M) of the Lagrangian's Hessian."""
+        out = self._unmasked_hessian(local, shared, bent, multipliers)
+        if self._masked and multipliers is not None:
+            rows, columns = hessian_places(self.layout.couplings)
+            out *= self._moves[rows] & self._moves[columns]
+        return out
+
+    def _unmasked_hessian(
+        self, local: Array, shared: NodeConstraints, bent: NodeEnergy, multipliers: Array | None
+    ) -> Array:
+        """The same of what is held and of data, too."""
+        places = hessian_places(self.layout.couplings)
+        if multipliers is None:
+            return np.zeros((places[0].size, local.shape[1]))
+        out = np.empty((places[0].size, local.shape[1]))
+        bent.fill_hessian(out[-HESSIAN_ENTRIES:])
+        if self.terms:
+            out[:-HESSIAN_ENTRIES] = 0.0
+            full = _full(out, places)
+            for term in self.terms:
+                term.add_hessian(local, full)
+            out = full[places]
+        curvature = self._row_weights[0] * -self.local_multipliers(multipliers)
+        for node in self.prescription.rulings:
+            out[-HESSIAN_ENTRIES:][U_G][IN_SQUARE, node] += curvature[1, node]
+            curvature[1, node] = 0.0
+        if self.prescription.seam is not None:
             curvature[2, 0] = 0.0
-        if seam.seam.strip:
-            jacobian[1, :, 0] = 0.0
-            jacobian[[k for k in range(PER_NODE) if k != self._end_kind], :, -1] = 0.0
-        if multipliers is not None:
-            shared.add_hessian(curvature, hessian)
-        jacobian *= weights[:, None]
-        if seam.seam.strip:
-            seam.fold_back(out[SIZE:])
-            seam.fold_back_hessian(hessian)
-        seam.apply_signs(out)
-        if multipliers is not None:
-            seam.apply_signs(hessian.transpose(1, 0, 2))
-        return energy, out
+        shared.add_hessian(curvature, out[-HESSIAN_ENTRIES:])
+        if self.stencil.seam.strip:
+            full = _full(out, places)
+            self.stencil.fold_back_hessian(full)
+            out = full[places]
+        self.stencil.apply_signs(out, *signed_hessian(self.layout.couplings))
+        return out
 
     def gathered(self, values: Array) -> Array:
         """Sum local values (14,M) into a vector (7N,)."""
@@ -401,17 +416,6 @@ class Problem:
         slots = self.size + self.stencil.seam.data
         total = np.bincount(self.stencil.index.ravel(), weights=values.ravel(), minlength=slots)
         return total.astype(np.float64, copy=False)
-
-    @staticmethod
-    def _replace_unit_length_row(
-        node: int, local: Array, jacobian: Array, hessian: Array, curvature: Array
-    ) -> None:
-        """Put g.u = 0 in place of |g|^2 = (g.u)^2 + 1 at a prescribed node; (2.19), second."""
-        jacobian[1, :, node] = 0.0
-        jacobian[1, U, node] = local[G, node]
-        jacobian[1, G, node] = local[U, node]
-        hessian[U, G, node] += curvature[1, node] * np.eye(3)
-        curvature[1, node] = 0.0
 
     def jacobian(self, x: Array) -> scipy.sparse.csc_matrix:
         """Weighted constraint Jacobian (5N+3, 7N), sparse."""
@@ -439,7 +443,11 @@ class Problem:
 
     def lagrangian_gradient(self, local: LocalDerivatives, multipliers: Array) -> Array:
         """Gradient (7N,) of the Lagrangian (2.53) in x, by gathering local Jacobians."""
-        pulled = np.einsum("kji,ki->ji", local.jacobian, self.local_multipliers(multipliers))
+        products = self.local_multipliers(multipliers).take(JACOBIAN_ROWS, axis=0)
+        products *= local.jacobian_entries
+        pulled = np.zeros((SIZE, products.shape[1]))
+        for rows, columns in JACOBIAN_PIECES:
+            pulled[columns] += products[rows]
         out = local.gradient - self.gathered(pulled)
         if self.closing:
             out.reshape(-1, 7)[:, :3] -= self.band.h * multipliers[-self.closing :]
@@ -492,6 +500,13 @@ class Problem:
         except np.linalg.LinAlgError:
             return np.linalg.qr(flat)[0]
         return flat @ np.linalg.inv(factor).T
+
+
+def _full(entries: Array, places: tuple[NDArray[np.intp], NDArray[np.intp]]) -> Array:
+    """Local Hessians (14,14,M) from their entries (E,M)."""
+    out = np.zeros((SIZE, SIZE, entries.shape[1]))
+    out[places] = entries
+    return out
 
 
 def _spins() -> tuple[NDArray[np.intp], NDArray[np.intp], Array]:

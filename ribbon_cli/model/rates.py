@@ -15,8 +15,8 @@ import numpy as np
 
 from ..parts import HALF_WIDTH
 from .band import Array
-from .constraints import PER_NODE
 from .ends import PLACES, TURNS, displacement_rate, finish_rate
+from .entries import PER_NODE
 from .problem import Problem
 from .stencil import Seam
 from .terms import terms_of

@@ -80,22 +80,26 @@ class Stencil:
 
     def gather(self, full: Array) -> Array:
         """Return the local vectors (14, M) of a full vector, unknowns and data."""
-        local: Array = full[self.index]
+        local: Array = full.take(self.index)
         self.apply_signs(local)
         return local
 
-    def apply_signs(self, values: Array) -> None:
-        """Multiply local values (..., 14, M) by the seam's signs, those of xi_0 and of g_{N+1}, in place."""
+    def apply_signs(
+        self, values: Array, of_xi: int | IntArray | None = X0, of_g: slice | IntArray = G1
+    ) -> None:
+        """Multiply values (k, M) by the seam's signs in place: rows `of_xi`, if there are such, by that of
+        xi_0, rows `of_g` by that of g_{N+1}."""
         if self.sigma < 0:
-            values[..., X0, 0] *= -1.0
+            if of_xi is not None:
+                values[of_xi, 0] *= -1.0
             if self.seam is Seam.CLOSED:
-                values[..., G1, -1] *= -1.0
+                values[of_g, -1] *= -1.0
 
     def fold_back(self, values: Array) -> None:
-        """Add what belongs to xi_{i-1} to xi_i at both ends, where they are one, (..., 14, M) in place."""
+        """Add what belongs to xi_{i-1} to xi_i at both ends, where they are one, (14, M) in place."""
         for end in (0, -1):
-            values[..., X, end] += values[..., X0, end]
-            values[..., X0, end] = 0.0
+            values[X, end] += values[X0, end]
+            values[X0, end] = 0.0
 
     def fold_back_hessian(self, hessian: Array) -> None:
         """The same for a Hessian's upper triangle (14, 14, M)."""
@@ -165,13 +169,6 @@ def cross_rows(a: Array, b: Array) -> Array:
     out[:, 0] = a1 * b2 - a2 * b1
     out[:, 1] = a2 * b0 - a0 * b2
     out[:, 2] = a0 * b1 - a1 * b0
-    return out
-
-
-def diagonal(hessian: Array, row: int, column: int, size: int = 3) -> Array:
-    """A view (size, N) of entries (row + i, column + i) of local Hessians (14, 14, N)."""
-    first = SIZE * row + column
-    out: Array = hessian.reshape(SIZE * SIZE, -1)[first : first + (SIZE + 1) * size : SIZE + 1]
     return out
 
 

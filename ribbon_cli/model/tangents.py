@@ -17,7 +17,8 @@ from __future__ import annotations
 import numpy as np
 
 from .band import Array
-from .constraints import PER_NODE, sech_squared
+from .constraints import sech_squared
+from .entries import PER_NODE
 from .problem import LocalDerivatives, Problem
 from .stencil import Seam
 

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from functools import cached_property, reduce
+from functools import cached_property, lru_cache, reduce
 from typing import Any
 
 import numpy as np
@@ -132,11 +132,7 @@ class Shape:
     def corner_numbers(self) -> IntArray:
         """The vertices (N,4) of each facet, in the order lower and upper at its node, upper and lower
         beyond."""
-        k = np.arange(self.segments)
-        beyond = np.column_stack((2 * k + 3, 2 * k + 2))
-        if self.closed:
-            beyond[-1] = (1, 0) if self.sigma > 0 else (0, 1)
-        return np.column_stack((2 * k, 2 * k + 1, beyond)).astype(np.int64)
+        return _corner_numbers(self.segments, self.sigma)
 
     @cached_property
     def edge_numbers(self) -> IntArray:
@@ -152,15 +148,20 @@ class Shape:
         first, last = self._ends
         return first[edges], last[edges]
 
-    @cached_property
+    @property
     def _ends(self) -> tuple[IntArray, IntArray]:
-        k, which = np.divmod(np.arange(3 * len(self.nodes)), 3)
-        inside = np.minimum(k, self.segments - 1)
-        low, high = 2 * k, 2 * k + 1
-        corners = self.corner_numbers[inside]
-        first = np.where(which == 2, high, low)
-        last = np.where(which == 0, high, np.where(which == 1, corners[:, 3], corners[:, 2]))
-        return first, last
+        return _edge_ends(self.segments, self.sigma, len(self.nodes))
+
+    @cached_property
+    def facet_boxes(self) -> tuple[Array, Array]:
+        """The lowest and the highest corners (N,3) of the boxes of facets."""
+        return box_of(self.vertices[self.corner_numbers])
+
+    @cached_property
+    def edge_boxes(self) -> tuple[Array, Array]:
+        """The same of edges, (3M,3)."""
+        first, last = (self.vertices[ends] for ends in self._ends)
+        return np.minimum(first, last), np.maximum(first, last)
 
     @cached_property
     def slivers(self) -> NDArray[np.bool_]:
@@ -235,6 +236,27 @@ class Shape:
                 moved[..., 1] *= -1.0
             least[at] = np.minimum(least[at], _planar_distance(one[at], moved))
         return least
+
+
+@lru_cache(maxsize=4)
+def _corner_numbers(segments: int, sigma: int) -> IntArray:
+    """See `Shape.corner_numbers`."""
+    k = np.arange(segments)
+    beyond = np.column_stack((2 * k + 3, 2 * k + 2))
+    if sigma:
+        beyond[-1] = (1, 0) if sigma > 0 else (0, 1)
+    return np.column_stack((2 * k, 2 * k + 1, beyond)).astype(np.int64)
+
+
+@lru_cache(maxsize=4)
+def _edge_ends(segments: int, sigma: int, nodes: int) -> tuple[IntArray, IntArray]:
+    """The vertices at both ends of all edges; see `Shape.edge_ends`."""
+    k, which = np.divmod(np.arange(3 * nodes), 3)
+    corners = _corner_numbers(segments, sigma)[np.minimum(k, segments - 1)]
+    low, high = 2 * k, 2 * k + 1
+    first = np.where(which == 2, high, low)
+    last = np.where(which == 0, high, np.where(which == 1, corners[:, 3], corners[:, 2]))
+    return first, last
 
 
 def cross(v: Array, w: Array) -> Array:

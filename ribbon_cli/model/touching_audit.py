@@ -320,9 +320,10 @@ def _volume(a: Array, d: Array) -> Array:
     """Coefficients (k,4) of (x1 - x0) x (x2 - x0).(x3 - x0) for x = a + t d."""
     e, f = a[:, 1:] - a[:, :1], d[:, 1:] - d[:, :1]
     out = np.zeros((len(a), 4))
+    normals = [cross(one[:, 0], two[:, 1]) for two in (e, f) for one in (e, f)]
     for mask in range(8):
-        rows = [(f if mask >> k & 1 else e)[:, k] for k in range(3)]
-        out[:, mask.bit_count()] += (cross(rows[0], rows[1]) * rows[2]).sum(axis=1)
+        third = (f if mask >> 2 else e)[:, 2]
+        out[:, mask.bit_count()] += (normals[mask & 3] * third).sum(axis=1)
     return out
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .band import Array
-from .touching import EDGE, FACET, VERTEX, IntArray, Shape, box_of, cross
+from .touching import EDGE, FACET, VERTEX, IntArray, Shape, cross
 from .touching_audit import first_meeting
 from .touching_features import Features, boxes_meet, boxes_near, facets_near, within_reach
 from .touching_gaps import Pairs, gap_values, places
@@ -109,12 +109,9 @@ def nearest(shape: Shape, features: Features, reach: float) -> Pairs:
     """The pairs nearer than a reach, each as the features at which it is nearest, with the sign that makes
     signed gaps positive."""
     vf, ee = features.vertex_facet, features.edge_edge
-    points = shape.vertices
     vf = vf[boxes_near(shape, vf, reach)]
-    ends = np.stack(shape.edge_ends(np.arange(3 * len(shape.nodes))), axis=1)
-    boxes = box_of(points[ends])
-    ee = ee[boxes_meet(boxes, boxes, ee, reach)]
-    found = _of_facets(shape, vf).joined(_of_edges(shape, ee, ends))
+    ee = ee[boxes_meet(shape.edge_boxes, shape.edge_boxes, ee, reach)]
+    found = _of_facets(shape, vf).joined(_of_edges(shape, ee))
     if not len(found):
         return found
     value = gap_values(shape, found)
@@ -144,19 +141,19 @@ def _of_facets(shape: Shape, vf: IntArray) -> Pairs:
     return over.take(inside).joined(_least(shape, v, edges, 4))
 
 
-def _of_edges(shape: Shape, ee: IntArray, ends: IntArray) -> Pairs:
+def _of_edges(shape: Shape, ee: IntArray) -> Pairs:
     """Edges with edges at their nearest."""
     across = _typed((EDGE, EDGE), ee[:, 0], ee[:, 1])
     if not len(ee):
         return across
     at = places(shape, across)
     inside: NDArray[np.bool_] = np.all(np.maximum(-at, at - 1.0) <= 0.0, axis=1)
-    first, last = (shape.vertices[ends[:, k]] for k in (0, 1))
-    along = (last - first) / np.maximum(np.linalg.norm(last - first, axis=1), np.finfo(float).tiny)[:, None]
-    inside &= np.linalg.norm(cross(along[ee[:, 0]], along[ee[:, 1]]), axis=1) > PARALLEL
+    first, last = (shape.vertices[ends] for ends in shape.edge_ends(ee))
+    along = (last - first) / np.maximum(np.linalg.norm(last - first, axis=2), np.finfo(float).tiny)[..., None]
+    inside &= np.linalg.norm(cross(along[:, 0], along[:, 1]), axis=1) > PARALLEL
     outside = ee[~inside]
     a, b = outside[:, 0], outside[:, 1]
-    v = np.column_stack((ends[a], ends[b])).ravel()
+    v = np.column_stack((*shape.edge_ends(a), *shape.edge_ends(b))).ravel()
     edges = np.column_stack((b, b, a, a)).ravel()
     return across.take(inside).joined(_least(shape, v, edges, 4))
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from .band import Array
 from .contact import near_facets
-from .touching import IntArray, Shape, box_of, cross, dots
+from .touching import IntArray, Shape, cross, dots
 
 BLOCK = 100_000
 """Pairs of features worked on at once."""
@@ -87,18 +87,15 @@ def within_reach(shape: Shape, reach: float) -> Callable[[Features], Features]:
 def boxes_near(shape: Shape, vf: IntArray, within: float) -> IntArray:
     """Which vertices (k,) are within a distance of facets' boxes, and of their planes."""
     points = shape.vertices
-    outlines = points[shape.corner_numbers]
-    at = boxes_meet((points, points), box_of(outlines), vf, within)
+    at = boxes_meet((points, points), shape.facet_boxes, vf, within)
     vf = vf[at]
-    out: IntArray = at[np.abs(in_facet(shape, points[vf[:, 0]], vf[:, 1])[2]) <= within]
+    out: IntArray = at[np.abs(_heights(shape, points[vf[:, 0]], vf[:, 1])) <= within]
     return out
 
 
 def edges_near(shape: Shape, ee: IntArray, within: float) -> IntArray:
     """The pairs of edges (k,2) that are within a distance of each other."""
-    ends = shape.vertices[np.stack(shape.edge_ends(np.arange(3 * len(shape.nodes))), axis=1)]
-    boxes = box_of(ends)
-    ee = ee[boxes_meet(boxes, boxes, ee, within)]
+    ee = ee[boxes_meet(shape.edge_boxes, shape.edge_boxes, ee, within)]
     return ee[edge_distances(shape, ee) <= within]
 
 
@@ -226,6 +223,14 @@ def in_facet(shape: Shape, points: Array, f: IntArray) -> tuple[Array, Array, Ar
     along = (cross(off, g) * normal).sum(axis=1) / (square * shape.h)
     across = (cross(u, off) * normal).sum(axis=1) / (square * shape.half_width)
     return along, across, (off * normal).sum(axis=1) / np.sqrt(square)
+
+
+def _heights(shape: Shape, points: Array, f: IntArray) -> Array:
+    """The last of these coordinates alone."""
+    normal = cross(shape.u[f], shape.rulings[f])
+    off = points - shape.nodes[f]
+    out: Array = (off * normal).sum(axis=1) / np.sqrt((normal * normal).sum(axis=1))
+    return out
 
 
 def edge_distances(shape: Shape, pairs: IntArray) -> Array:

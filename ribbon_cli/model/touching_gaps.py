@@ -139,15 +139,20 @@ def vectors(shape: Shape, what: Arguments) -> Array:
 
 @dataclass(frozen=True)
 class Gaps:
-    """Gaps (k,), their gradients (k,6,3) and Hessians (k,18,18) in the six vectors, and by the half-width:
-    `rate` (k,), `rate_gradient` (k,6,3), `rate_second` (k,)."""
+    """Gaps (k,), their gradients (k,6,3) and Hessians (k,18,18) in the six vectors."""
 
     value: Array
     gradient: Array
     hessian: Array
+
+
+@dataclass(frozen=True)
+class GapRates:
+    """Derivatives of gaps by the half-width, once and twice (k,), and of their gradients, (k,6,3)."""
+
     rate: Array
-    rate_gradient: Array
-    rate_second: Array
+    gradient: Array
+    second: Array
 
 
 def gap_values(shape: Shape, pairs: Pairs) -> Array:
@@ -175,34 +180,47 @@ def _offset(six: Array, what: Arguments, half_width: float) -> Array:
 
 def gaps(six: Array, what: Arguments, sign: Array, half_width: float) -> Gaps:
     """Gaps and derivatives at vectors (k,6,3)."""
-    count, b = len(sign), half_width
-    lean_first, lean_second = what.reach[:, 0], what.reach[:, 1]
-    offset = _offset(six, what, b)
-    value, first, second = _of_offset(offset, six[:, ONE], six[:, TWO], what.pointed)
-    value, first, second = sign * value, sign[:, None] * first, sign[:, None, None] * second
-    # From (D, p, q) to the six vectors: D = r + lean b g - r' - lean' b g'.
-    weight = np.zeros((count, 3, 6))
-    weight[:, 0, R_FIRST], weight[:, 0, R_SECOND] = 1.0, -1.0
-    weight[:, 0, G_FIRST], weight[:, 0, G_SECOND] = b * lean_first, -b * lean_second
-    weight[:, 1, ONE] = weight[:, 2, TWO] = 1.0
-    turn = np.zeros((count, 3, 6))
-    turn[:, 0, G_FIRST], turn[:, 0, G_SECOND] = lean_first, -lean_second
-    local, blocks = first.reshape(count, 3, 3), second.reshape(count, 3, 3, 3, 3)
-    gradient = np.einsum("kas,kai->ksi", weight, local)
-    spread = np.zeros((count, 3, 3, 6, 3))
+    value, local, second = _in_offset(six, what, sign, half_width)
+    weight = _weights(what, half_width)
+    spread = np.zeros((len(sign), 3, 3, 6, 3))
     spread[:, :, [0, 1, 2], :, [0, 1, 2]] = weight
-    nine = spread.reshape(count, 9, 18)
+    nine = spread.reshape(-1, 9, 18)
     hessian = nine.transpose(0, 2, 1) @ second @ nine
+    return Gaps(value, np.einsum("kas,kai->ksi", weight, local), hessian)
+
+
+def gap_rates(six: Array, what: Arguments, sign: Array, half_width: float) -> GapRates:
+    """Derivatives of gaps by the half-width at vectors (k,6,3)."""
+    _, local, second = _in_offset(six, what, sign, half_width)
+    lean_first, lean_second = what.reach[:, 0], what.reach[:, 1]
+    turn = np.zeros((len(sign), 3, 6))
+    turn[:, 0, G_FIRST], turn[:, 0, G_SECOND] = lean_first, -lean_second
     arm = lean_first[:, None] * six[:, G_FIRST] - lean_second[:, None] * six[:, G_SECOND]
-    pushed = np.einsum("kaij,kj->kai", blocks[:, :, :, 0], arm)
-    return Gaps(
-        value,
-        gradient,
-        hessian,
+    pushed = np.einsum("kaij,kj->kai", second.reshape(-1, 3, 3, 3, 3)[:, :, :, 0], arm)
+    weight = _weights(what, half_width)
+    return GapRates(
         np.einsum("ki,ki->k", local[:, 0], arm),
         np.einsum("kas,kai->ksi", weight, pushed) + np.einsum("kas,kai->ksi", turn, local),
         np.einsum("ki,ki->k", pushed[:, 0], arm),
     )
+
+
+def _in_offset(six: Array, what: Arguments, sign: Array, half_width: float) -> tuple[Array, Array, Array]:
+    """Gaps (k,), and their derivatives (k,3,3) and (k,9,9) in D, p and q."""
+    offset = _offset(six, what, half_width)
+    value, first, second = _of_offset(offset, six[:, ONE], six[:, TWO], what.pointed)
+    local = (sign[:, None] * first).reshape(-1, 3, 3)
+    return sign * value, local, sign[:, None, None] * second
+
+
+def _weights(what: Arguments, half_width: float) -> Array:
+    """What (D, p, q) have of the six vectors, (k,3,6): D = r + lean b g - r' - lean' b g'."""
+    lean = half_width * what.reach
+    out = np.zeros((len(lean), 3, 6))
+    out[:, 0, R_FIRST], out[:, 0, R_SECOND] = 1.0, -1.0
+    out[:, 0, G_FIRST], out[:, 0, G_SECOND] = lean[:, 0], -lean[:, 1]
+    out[:, 1, ONE] = out[:, 2, TWO] = 1.0
+    return out
 
 
 def _of_offset(offset: Array, p: Array, q: Array, pointed: IntArray) -> tuple[Array, Array, Array]:

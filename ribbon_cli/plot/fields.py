@@ -14,8 +14,8 @@ from ribbon_cli.parts import HALF_WIDTH, PARAMETERS
 from ribbon_cli.plot.canvas import Figure
 from ribbon_cli.plot.labels import legend_above, parameter_text, plain
 from ribbon_cli.plot.style import INK, MOST_LOOKS, Style, marked_look
-from ribbon_cli.report.rows import Column, Rows
-from ribbon_cli.store import suggest
+from ribbon_cli.report.rows import LEADING, Column, Rows
+from ribbon_cli.report.where import near
 
 OPEN = "no certificate"
 ENERGY = "$E$"
@@ -90,7 +90,7 @@ def keys_apart(table: Rows) -> tuple[str, ...]:
 
 def _column(known: dict[str, Column], option: str, name: str) -> Column:
     if name not in known:
-        raise UsageError(f"{option}: no column {name!r}{suggest(name, known)}")
+        raise UsageError(f"{option}: no column {name!r}{near(name, known)}")
     return known[name]
 
 
@@ -104,13 +104,15 @@ def _goes_with(table: Rows, column: Column, other: Column) -> bool:
 def curves(table: Rows, columns: Chosen) -> list[tuple[tuple[Any, ...], list[Mapping[str, Any]]]]:
     """The rows of each curve, along it, by the values that name it.
 
-    Of several states at one place it is the finest one, and of these a certified one. Raises UsageError.
+    Of several states at one place it is the finest one, and of these a certified one. A state that is not
+    where its schedule leads is on no curve along a key that says where. Raises UsageError.
     """
+    leading = [column.name for column in columns.by if column.name in table.leading]
     axis, meshed = columns.over, "segments" in {columns.over.name, *(c.name for c in columns.by)}
     best: dict[tuple[Any, ...], dict[float, Mapping[str, Any]]] = {}
     for row in table.rows:
         x, y = row.get(axis.name), row.get(columns.of.name)
-        if x is None or y is None or y != y:
+        if x is None or y is None or y != y or any(name in row and row[name] is None for name in leading):
             continue
         curve = best.setdefault(tuple(row.get(column.name) for column in columns.by), {})
         before = curve.get(float(x))
@@ -142,7 +144,7 @@ def fields_figure(table: Rows, columns: Chosen, style: Style) -> Figure:
         y = np.array([row[columns.of.name] for row in rows], dtype=np.float64)
         certified = np.array([bool(row.get("certified")) for row in rows])
         axes.plot(x, y, **{**look, "marker": ""})
-        for mask, fill in ((certified, look.get("markerfacecolor", look["color"])), (~certified, "white")):
+        for mask, fill in ((certified, look["color"]), (~certified, "white")):
             axes.plot(x[mask], y[mask], **{**look, "linestyle": "", "markerfacecolor": fill})
         handles.append(Line2D([], [], label=_label(columns.by, name), **look))
     if any(not row.get("certified") for _, rows in drawn for row in rows):
@@ -171,8 +173,10 @@ def value_text(value: Any) -> str:
 
 
 def axis_text(name: str) -> str:
-    """A column as pictures call it: by its last word."""
-    last = name.rpartition(".")[2]
+    """A column as pictures call it: by its last word, and a key of a schedule as in the config."""
+    if name.partition(".")[0] in LEADING:
+        return plain(name)
+    last = name.rpartition(".")[2].removeprefix("parameter_")
     if last == "energy":
         return ENERGY
     if last == "segments":

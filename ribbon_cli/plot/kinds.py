@@ -16,13 +16,14 @@ from ribbon_cli.plot.branches import arclength_figure
 from ribbon_cli.plot.canvas import Figure
 from ribbon_cli.plot.contacts import contacts_figure
 from ribbon_cli.plot.curves import Curve, geometry_figure, multipliers_figure
-from ribbon_cli.plot.fields import Choice, chosen, fields_figure
+from ribbon_cli.plot.fields import Choice, chosen, curves, fields_figure
 from ribbon_cli.plot.figure import dressed, state_caption
 from ribbon_cli.plot.flat import pattern_figure
 from ribbon_cli.plot.labels import (
     LISTED,
     Placed,
     band_text,
+    lines,
     panel_titles,
     parameter_text,
     place_texts,
@@ -389,14 +390,19 @@ def _table(source: Source, style: Style) -> Picture:
     columns = chosen(source.rows, source.choice)
     figure = fields_figure(source.rows, columns, style)
     count = len({row["run"] for row in source.rows.rows})
-    caption = f"{count} run{'s' * (count > 1)}, {len(source.rows.rows)} states"
+    drawn = sum(len(found) for _, found in curves(source.rows, columns))
+    part = f", {drawn} of them drawn" if drawn < len(source.rows.rows) else ""
+    caption = f"{count} run{'s' * (count > 1)}, {len(source.rows.rows)} states{part}"
+    caption = "; ".join([caption, *source.rows.missed])
     return Picture(figure, columns.title, (), caption=caption)
 
 
 def _shapes(source: Source, style: Style) -> Picture:
     """Small multiples: the shapes of a sweep, each under what tells it from the others."""
     states, names = _thinned(source.states, MOST_PANELS), _thinned(source.names, MOST_PANELS)
-    panels = [Panel(record, name) for record, name in zip(states, names, strict=True)]
+    letters = letters_across(len(states), style)
+    titles = [lines(name.split(", "), letters) for name in names]
+    panels = [Panel(record, title) for record, title in zip(states, titles, strict=True)]
     left = len(source.states) - len(states)
     title = "Shapes" + (f", {len(states)} of {len(source.states)}" if left else "")
     figure = shapes_figure(panels, style, aligned=False, angles=source.angles)
@@ -404,7 +410,8 @@ def _shapes(source: Source, style: Style) -> Picture:
     certified, meeting = sum(s.certified for s in states), sum(map(meets_unheld, states))
     contact = f", {meeting} in self-contact" if meeting else ""
     caption = f"{told} ({certified} of {len(states)} certified{contact})"
-    return Picture(figure, title, tuple(states), caption=caption)
+    missed = () if source.rows is None else source.rows.missed
+    return Picture(figure, title, tuple(states), caption="; ".join([caption, *missed]))
 
 
 def _mode(source: Source, style: Style) -> Picture:

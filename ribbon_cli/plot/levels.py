@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
 
 from ribbon_cli.digits import powers, significant
 from ribbon_cli.errors import UsageError
@@ -167,7 +168,11 @@ def draw_spectra(
     if spread:
         axes.set_xlabel("place in the sorted spectrum")
     else:
-        axes.set_xscale("log")
+        if not few:
+            axes.set_xscale("log")
+            axes.xaxis.set_major_formatter("{x:g}")
+        elif axes.get_xscale() == "linear":  # a row above may share the axis, and have more modes
+            axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         axes.set_xlabel("number of the mode, rotations left out")
     axes.set_ylabel("eigenvalue")
     axes.grid(axis="y", color=LIGHT_GREY, linewidth=0.3)

@@ -1,7 +1,8 @@
 """Sizes, fonts and lines of every picture, and the looks by which curves are told apart.
 
 Hues are Okabe and Ito's (jfly.uni-koeln.de/color), which the colour-blind tell apart. No two looks of one
-sequence share dashes, marker and fill, so that they differ in grey as well.
+sequence share dashes, marker and fill, so that they differ in grey as well. Where marks stand for states all
+looks are filled: an open mark has no certificate.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ DASHES: tuple[Any, ...] = (
 """As many as the eye tells apart on a line of usual width."""
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 MOST_LOOKS = 28
-"""Most curves of one panel: each marker filled and open, and both once more in other dashes."""
+"""Most curves of one panel: each marker in four kinds of dashes."""
 BRANCH_MARKERS = ("o", "^", "v", "<", ">", "P", "*")
 """Marks of branches: none of those of folds, branch points and contact."""
 SPARSE = 8
@@ -167,7 +168,12 @@ def branch_look(index: int) -> dict[str, Any]:
     """Colour and marks of the branch with this index; dashes are left to say how stable it is."""
     turn = index // len(BRANCH_MARKERS)
     colour = PALETTE[(index + turn) % len(PALETTE)]
-    return {"color": colour, "marker": BRANCH_MARKERS[index % len(BRANCH_MARKERS)]} | _fill(turn, colour)
+    fill = "white" if turn % 2 else colour
+    return {
+        "color": colour,
+        "marker": BRANCH_MARKERS[index % len(BRANCH_MARKERS)],
+        "markerfacecolor": fill,
+    }
 
 
 def spread(index: int, points: int) -> tuple[int, int]:
@@ -180,15 +186,9 @@ def spread(index: int, points: int) -> tuple[int, int]:
 
 
 def _look(index: int, colour: str) -> dict[str, Any]:
-    turn = index // len(MARKERS)
-    dashes = DASHES[(index + 2 * (turn // 2)) % len(DASHES)]
-    return {"color": colour, "linestyle": dashes, "marker": MARKERS[index % len(MARKERS)]} | _fill(
-        turn, colour
-    )
-
-
-def _fill(turn: int, colour: str) -> dict[str, Any]:
-    return {"markerfacecolor": "white" if turn % 2 else colour}
+    # Markers and dashes are 7 and 5, so that each pair comes once in 35.
+    dashes = DASHES[index % len(DASHES)]
+    return {"color": colour, "linestyle": dashes, "marker": MARKERS[index % len(MARKERS)]}
 
 
 def shade(colour: str) -> str:

@@ -13,10 +13,11 @@ from typing import Any
 
 from ribbon_cli import digits
 from ribbon_cli.errors import UsageError
-from ribbon_cli.report.where import condition
-from ribbon_cli.store import suggest
+from ribbon_cli.report.where import condition, near
 from ribbon_cli.text import aligned, visible
 
+LEADING = ("schedule", "widths")
+"""Sections of a config whose keys say where it leads; those of others hold from the start."""
 MISSING = "-"
 KINDS = {"float64": "number", "int64": "number", "bool": "truth", "utf-8": "text"}
 """What a column holds, in the words of conditions."""
@@ -40,12 +41,17 @@ class Column:
 class Rows:
     """Columns and rows; `shown` are the columns that text shows by default, `keys` those that tell the states
     apart.
+
+    `leading` are keys of sweeps that say where schedules lead, which are None in rows of states that are not
+    there. `missed` has a sentence for each sweep some of whose points have no state there.
     """
 
     columns: tuple[Column, ...]
     rows: tuple[Mapping[str, Any], ...]
     shown: tuple[str, ...] = ()
     keys: tuple[str, ...] = ()
+    leading: tuple[str, ...] = ()
+    missed: tuple[str, ...] = ()
 
     def where(self, text: str | None) -> Rows:
         """The rows for which a condition holds. Raises UsageError."""
@@ -59,7 +65,7 @@ class Rows:
         known = {column.name: column for column in self.columns}
         for name in names:
             if name not in known:
-                raise UsageError(f"--columns: no column {name!r}{suggest(name, known)}")
+                raise UsageError(f"--columns: no column {name!r}{near(name, known)}")
         return replace(self, columns=tuple(known[name] for name in names), shown=tuple(names))
 
     def values(self, column: Column) -> list[Any]:

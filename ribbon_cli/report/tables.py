@@ -70,8 +70,12 @@ def as_markdown(table: Table) -> str:
 
 
 def as_latex(table: Table, beside: Beside = NOTHING) -> str:
-    """A `tabular` that needs no package, followed by the extrapolations and footnotes as paragraphs."""
-    heads = ["$b$", "$N$", "$E_N$", r"$\Delta_N$", r"$\Delta_N/\Delta_{2N}$"]
+    """A `tabular` that needs no package, followed by the extrapolations and footnotes as paragraphs.
+
+    Parameters in which rows differ have columns of their own, as in CSV.
+    """
+    others = [name for name, _ in table.rows[0].others] if table.rows else []
+    heads = ["$b$", *map(_latex, others), "$N$", "$E_N$", r"$\Delta_N$", r"$\Delta_N/\Delta_{2N}$"]
     heads += [r"$\log_2(\Delta_N/\Delta_{2N})$", *map(_latex, beside.heads), "note"]
     lines = [
         rf"\begin{{tabular}}{{{'r' * (len(heads) - 1)}l}}",
@@ -81,7 +85,8 @@ def as_latex(table: Table, beside: Beside = NOTHING) -> str:
     ]
     for k, row in enumerate(table.rows):
         mark = rf"\textbf{{{_latex(row.note)}}}" if row.note else ""
-        cells = [*_cells(row), *beside.row(k)]
+        place = [_number(value, ".10g") for value in (row.half_width, *dict(row.others).values())]
+        cells = [*place, *_cells(row)[1:], *beside.row(k)]
         lines.append(" & ".join([*map(_latex_number, cells), mark]) + r" \\")
     lines += [r"\hline", r"\end{tabular}"]
     paragraphs = [_latex(_sentence(item)).replace("+-", r"$\pm$") for item in table.extrapolations]

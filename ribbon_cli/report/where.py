@@ -10,15 +10,21 @@ from __future__ import annotations
 import ast
 import math
 import operator
-from collections.abc import Callable, Mapping
+import re
+from collections.abc import Callable, Collection, Mapping
 from typing import Any, Protocol
 
 from ribbon_cli.errors import UsageError
+from ribbon_cli.parts import PARAMETERS
 from ribbon_cli.store import suggest
 
 LONGEST = 2000
 """Most characters of a condition."""
 EQUAL = 1e-9
+_SYNONYMS = {"b": "half_width", "N": "segments", "E": "energy", "twist_plus_writhe": "linking_number"}
+"""Columns by names that other places give them."""
+_QUOTED = re.compile(r"""('[^']*'|"[^"]*")""")
+_NUMBERED = re.compile(r"(?<![\w.])[A-Za-z_]\w*(?:\.\w+)*\.\d+(?:\.\w+)*")
 
 
 class Condition(Protocol):
@@ -46,16 +52,34 @@ def condition(text: str, kinds: Mapping[str, str]) -> Condition:
     return _Reader(text, kinds).read()
 
 
+def near(name: str, columns: Collection[str]) -> str:
+    """Return "; did you mean ...?" for a column that is not there, or nothing."""
+    meant = _SYNONYMS.get(name) or (f"parameter_{name}" if name in PARAMETERS else "")
+    return f"; did you mean {meant}?" if meant in columns else suggest(name, columns)
+
+
+def hints(text: str | None, columns: Collection[str]) -> list[str]:
+    """What is worth telling of a condition that is understood: two quantities are called twist."""
+    both = {"twist", "parameter_twist"} <= set(columns)
+    if both and re.search(r"(?<![\w.])twist\b", text or ""):
+        return ["--where: twist is Tw, in turns; the angle of a strip's end is parameter_twist"]
+    return []
+
+
 class _Reader:
     def __init__(self, text: str, kinds: Mapping[str, str]) -> None:
         self._text = text
         self._kinds = kinds
+        self._spelled: dict[str, str] = {}
+        """Columns with numbers in their names, as `widths.0`, by names that Python can read."""
 
     def read(self) -> Condition:
         if len(self._text) > LONGEST:
             raise UsageError(f"--where: at most {LONGEST} characters, got {len(self._text)}")
         try:
-            tree = ast.parse(self._text.strip(), mode="eval")
+            parts = _QUOTED.split(self._text.strip())
+            parts[::2] = [_NUMBERED.sub(self._readable, part) for part in parts[::2]]
+            tree = ast.parse("".join(parts), mode="eval")
         except SyntaxError as error:
             raise UsageError(self._message(error.offset or 1, f"not a condition: {error.msg}")) from None
         except (ValueError, RecursionError, MemoryError) as error:
@@ -64,6 +88,12 @@ class _Reader:
             return self._condition(tree.body)
         except RecursionError:
             raise UsageError(self._message(1, "not a condition: nested too deeply")) from None
+
+    def _readable(self, found: re.Match[str]) -> str:
+        """A name as long as the one found, so that places in the text stay."""
+        name = re.sub(r"\.(?=\d)", "_", found[0])
+        self._spelled[name] = found[0]
+        return name
 
     def _condition(self, node: ast.expr) -> Condition:
         match node:
@@ -86,6 +116,9 @@ class _Reader:
         raise self._wrong(node, "expected a comparison such as energy < 5, joined by and, or, not")
 
     def _comparison(self, left: ast.expr, right: ast.expr, op: ast.cmpop) -> Condition:
+        for word, beside in ((left, right), (right, left)):
+            if isinstance(word, ast.Name) and self._is_unknown(word.id) and self._is_text(beside):
+                raise self._wrong(word, f"no column {word.id!r}; a text stands in quotes: '{word.id}'")
         (first, kind), (second, other) = self._side(left), self._side(right)
         if kind != other:
             words = f"{_WORDS[kind]} is compared with {_WORDS[other]}"
@@ -120,17 +153,26 @@ class _Reader:
 
     def _name(self, node: ast.expr) -> str:
         """A column's name, which may have dots."""
-        if isinstance(node, ast.Attribute):
-            return f"{self._name(node.value)}.{node.attr}"
-        if not isinstance(node, ast.Name):
+        first = node
+        while isinstance(first, ast.Attribute):
+            first = first.value
+        if not isinstance(first, ast.Name):
             raise self._wrong(node, "expected a column, a number or a text in quotes")
-        return node.id
+        name = ast.unparse(node)
+        return self._spelled.get(name, name)
 
     def _kind(self, node: ast.expr, name: str) -> str:
         if name not in self._kinds:
-            near = suggest(name, self._kinds) or "; without --where the columns are in --json"
-            raise self._wrong(node, f"no column {name!r}{near}")
+            hint = near(name, self._kinds) or "; without --where the columns are in --json"
+            raise self._wrong(node, f"no column {name!r}{hint}")
         return self._kinds[name]
+
+    def _is_unknown(self, name: str) -> bool:
+        return name not in self._kinds and name not in ("true", "false", "True", "False")
+
+    def _is_text(self, node: ast.expr) -> bool:
+        """Whether a side is a column of texts."""
+        return isinstance(node, ast.Name | ast.Attribute) and self._kinds.get(ast.unparse(node)) == "text"
 
     def _wrong(self, node: ast.expr, words: str) -> UsageError:
         return UsageError(self._message(node.col_offset + 1, words))

@@ -20,6 +20,7 @@ import scipy
 from numpy.typing import NDArray
 
 from ..model.band import Array
+from ..model.entries import PER_NODE
 from .kkt import BLOCK, FactorisationError, KKTMatrix
 
 CHUNK = 1024
@@ -30,6 +31,7 @@ CONTRACTION = 0.5
 """Power iterations, the rate at which the third of them ends, and the rate below which signs hold."""
 
 Metric = tuple[Array, Array]
+_Places = NDArray[np.int64] | slice
 
 
 @dataclass(frozen=True)
@@ -100,31 +102,31 @@ def _pivot(blocks: Array) -> tuple[Array, Array, int, float]:
 
 @dataclass(frozen=True)
 class _Level:
-    """One sweep: the nodes eliminated, their neighbours, and what is needed to solve."""
+    """One sweep, with one matrix a node that is read once each way.
 
-    gone: NDArray[np.int64]
-    left: NDArray[np.int64]
-    right: NDArray[np.int64]
-    kept: NDArray[np.int64]
-    vectors: Array
-    inverse: Array
-    into: Array
-    """What a node gives to its left neighbour (12 rows), to its right one (12), and to the border."""
+    `factors` (n,36+c,12) are the pivot's inverse, and what a node's right-hand side gives to its left
+    neighbour, to its right one and to the border.
+    """
 
-    @property
-    def into_left(self) -> Array:
-        """The rows of the left neighbour."""
-        return self.into[:, :BLOCK]
+    gone: _Places
+    left: _Places
+    right: _Places
+    factors: Array
 
-    @property
-    def into_right(self) -> Array:
-        """The rows of the right neighbour."""
-        return self.into[:, BLOCK : 2 * BLOCK]
+    def forward(self, b: Array, edge: Array) -> None:
+        """Take right-hand sides b (n,12,k) to the nodes that are left, and to the border's `edge`; what the
+        way back needs stays at the others."""
+        given = self.factors @ b[self.gone]
+        b[self.gone] = given[:, :BLOCK]
+        b[self.left] -= given[:, BLOCK : 2 * BLOCK]
+        b[self.right] -= given[:, 2 * BLOCK : 3 * BLOCK]
+        edge -= given[:, 3 * BLOCK :].sum(axis=0)
 
-    @property
-    def into_border(self) -> Array:
-        """The rows of the border."""
-        return self.into[:, 2 * BLOCK :]
+    def backward(self, x: Array, edge: Array) -> None:
+        """From solutions at the nodes that are left, and at the border, to those of the others."""
+        beyond = np.broadcast_to(edge, (self.factors.shape[0], *edge.shape))
+        others = np.concatenate((x[self.left], x[self.right], beyond), axis=1)
+        x[self.gone] -= np.swapaxes(self.factors[:, BLOCK:], 1, 2) @ others
 
 
 class NodeMetric:
@@ -154,9 +156,9 @@ class NodeMetric:
 
 
 class _Chain:
-    """Nodes in a row, or in a ring, as they are eliminated: blocks as in `NodeBlocks`, those that are left.
+    """Nodes in a row, or in a ring, as they are eliminated: blocks as in `NodeBlocks`, changed in place.
 
-    `corner` is added to, and shared.
+    `corner` is added to, and shared. `nodes` are those that are left.
     """
 
     def __init__(
@@ -171,73 +173,40 @@ class _Chain:
     ) -> None:
         self.diagonal, self.coupling, self.border, self.held = diagonal, coupling, border, held
         self.corner, self.ring = corner, ring
+        self.nodes = np.arange(diagonal.shape[0])
         self.levels: list[_Level] = []
         self.negative, self.gap = 0, np.inf
 
     def reduce(self, *, keep: bool) -> None:
         """Eliminate all nodes but two, the ends of a row; `keep` what is needed to solve."""
-        while self.diagonal.shape[0] > 2:
-            level = self._sweep()
+        while self.nodes.size > 2:
+            level = self._sweep(*self._next())
             if keep:
                 self.levels.append(level)
 
-    def _sweep(self) -> _Level:
-        diagonal, coupling, border, held = self.diagonal, self.coupling, self.border, self.held
-        n = diagonal.shape[0]
+    def _next(self) -> tuple[_Places, _Places, _Places]:
+        """The nodes to eliminate now, and their neighbours on both sides."""
+        nodes, held = self.nodes, self.held
+        n = nodes.size
         # A node with a held ruling has more rows than free unknowns: no pivot before a neighbour is gone.
-        gone = np.arange(1, n if self.ring and n % 2 == 0 else n - 1, 2)
-        if not held[gone].all():
-            gone = gone[~held[gone]]
-        left, right = gone - 1, (gone + 1) % n
+        chosen = np.arange(1, n if self.ring and n % 2 == 0 else n - 1, 2)
+        if not held[nodes[chosen]].all():
+            chosen = chosen[~held[nodes[chosen]]]
+        gone, left, right = (_evenly(nodes[k]) for k in (chosen, chosen - 1, (chosen + 1) % n))
+        held[left] = held[right] = False
+        self.nodes = np.delete(nodes, chosen)
+        return gone, left, right
+
+    def _sweep(self, gone: _Places, left: _Places, right: _Places) -> _Level:
+        """Take nodes out, in few products: with one for each neighbour they would take twice as long."""
+        diagonal, coupling, border = self.diagonal, self.coupling, self.border
+        beside = (coupling[left], np.swapaxes(coupling[gone], 1, 2), np.swapaxes(border[gone], 1, 2))
         vectors, inverse, count, narrow = _pivot(diagonal[gone])
         self.negative += count
         self.gap = min(self.gap, narrow)
-        eliminate = self._in_parts if self.ring else self._at_once
-        into = eliminate(gone, left, right, vectors, inverse)
-        stays = np.ones(n, dtype=bool)
-        stays[gone] = False
-        kept = np.flatnonzero(stays)
-        held[left] = held[right] = False
-        self.diagonal, self.coupling = diagonal[kept], coupling[kept]
-        self.border, self.held = border[kept], held[kept]
-        return _Level(gone, left, right, kept, vectors, inverse, into)
-
-    def _in_parts(
-        self,
-        gone: NDArray[np.int64],
-        left: NDArray[np.int64],
-        right: NDArray[np.int64],
-        vectors: Array,
-        inverse: Array,
-    ) -> Array:
-        """Take nodes out of a ring, product by product, which decides the last bits of stored spectra."""
-        diagonal, coupling, border = self.diagonal, self.coupling, self.border
-        into_left = coupling[left] @ vectors
-        into_right = np.swapaxes(coupling[gone], 1, 2) @ vectors
-        into_border = np.swapaxes(border[gone], 1, 2) @ vectors
-        scaled_left, scaled_right = into_left * inverse[:, None, :], into_right * inverse[:, None, :]
-        t_right, t_border = np.swapaxes(into_right, 1, 2), np.swapaxes(into_border, 1, 2)
-        diagonal[left] -= scaled_left @ np.swapaxes(into_left, 1, 2)
-        diagonal[right] -= scaled_right @ t_right
-        border[left] -= scaled_left @ t_border
-        border[right] -= scaled_right @ t_border
-        self.corner -= ((into_border * inverse[:, None, :]) @ t_border).sum(axis=0)
-        coupling[left] = -scaled_left @ t_right
-        return np.concatenate((into_left, into_right, into_border), axis=1)
-
-    def _at_once(
-        self,
-        gone: NDArray[np.int64],
-        left: NDArray[np.int64],
-        right: NDArray[np.int64],
-        vectors: Array,
-        inverse: Array,
-    ) -> Array:
-        """Take nodes out of a row in two products, each of which takes as long as one of those above."""
-        diagonal, coupling, border = self.diagonal, self.coupling, self.border
-        beside = (coupling[left], np.swapaxes(coupling[gone], 1, 2), np.swapaxes(border[gone], 1, 2))
-        into: Array = np.concatenate(beside, axis=1) @ vectors
-        lost = (into * inverse[:, None, :]) @ np.swapaxes(into, 1, 2)
+        into = np.concatenate(beside, axis=1) @ vectors
+        scaled = into * inverse[:, None, :]
+        lost = scaled @ np.swapaxes(into, 1, 2)
         one, other, edge = slice(0, BLOCK), slice(BLOCK, 2 * BLOCK), slice(2 * BLOCK, None)
         diagonal[left] -= lost[:, one, one]
         diagonal[right] -= lost[:, other, other]
@@ -245,62 +214,18 @@ class _Chain:
         border[right] -= lost[:, other, edge]
         self.corner -= lost[:, edge, edge].sum(axis=0)
         coupling[left] = -lost[:, one, other]
-        return into
+        own = vectors * inverse[:, None, :]
+        factors = np.concatenate((own, scaled), axis=1) @ np.swapaxes(vectors, 1, 2)
+        return _Level(gone, left, right, factors)
 
 
-def _forward_at_once(levels: list[_Level], b: Array, edge: Array) -> tuple[Array, list[Array]]:
-    """`_forward` in a row, with what a node gives to others in one product."""
-    stack = []
-    for level in levels:
-        y = np.swapaxes(level.vectors, 1, 2) @ b[level.gone]
-        given = level.into @ (level.inverse[:, :, None] * y)
-        b[level.left] -= given[:, :BLOCK]
-        b[level.right] -= given[:, BLOCK : 2 * BLOCK]
-        edge -= given[:, 2 * BLOCK :].sum(axis=0)
-        stack.append(y)
-        b = b[level.kept]
-    return b, stack
-
-
-def _backward_at_once(levels: list[_Level], stack: list[Array], x: Array, edge: Array) -> Array:
-    """`_backward` in a row, with what a node has of others in one product."""
-    for level, y in zip(reversed(levels), reversed(stack), strict=True):
-        full = np.empty((level.gone.size + level.kept.size, *x.shape[1:]))
-        full[level.kept] = x
-        beyond = np.broadcast_to(edge, (level.gone.size, *edge.shape))
-        others = np.concatenate((full[level.left], full[level.right], beyond), axis=1)
-        known = np.swapaxes(level.into, 1, 2) @ others
-        full[level.gone] = level.vectors @ (level.inverse[:, :, None] * (y - known))
-        x = full
-    return x
-
-
-def _forward(levels: list[_Level], b: Array, edge: Array) -> tuple[Array, list[Array]]:
-    """Take right-hand sides b (n,12,k) to the nodes that are left, and to the border's `edge` in place; also
-    what the way back needs."""
-    stack = []
-    for level in levels:
-        y = np.swapaxes(level.vectors, 1, 2) @ b[level.gone]
-        w = level.inverse[:, :, None] * y
-        b[level.left] -= level.into_left @ w
-        b[level.right] -= level.into_right @ w
-        edge -= (level.into_border @ w).sum(axis=0)
-        stack.append(y)
-        b = b[level.kept]
-    return b, stack
-
-
-def _backward(levels: list[_Level], stack: list[Array], x: Array, edge: Array) -> Array:
-    """From solutions x at the nodes that are left, and at the border, to those at all nodes."""
-    for level, y in zip(reversed(levels), reversed(stack), strict=True):
-        full = np.empty((level.gone.size + level.kept.size, *x.shape[1:]))
-        full[level.kept] = x
-        known = np.swapaxes(level.into_left, 1, 2) @ full[level.left]
-        known += np.swapaxes(level.into_right, 1, 2) @ full[level.right]
-        known += np.swapaxes(level.into_border, 1, 2) @ edge
-        full[level.gone] = level.vectors @ (level.inverse[:, :, None] * (y - known))
-        x = full
-    return x
+def _evenly(places: NDArray[np.int64]) -> _Places:
+    """Places as a slice where they are at even distances: what it takes is not copied."""
+    steps = np.diff(places)
+    step = int(steps[0]) if steps.size else 1
+    if not places.size or step <= 0 or (steps != step).any():
+        return places
+    return slice(int(places[0]), int(places[-1]) + 1, step)
 
 
 class BlockReduction:
@@ -335,9 +260,11 @@ class BlockReduction:
             for k in range(c):
                 self._join_chain(ring, k, keep=keep)
         ring.reduce(keep=keep)
-        self._ring, self._width = ring, width
-        parts = _pivot(_join(ring.diagonal, ring.coupling, ring.border, corner)[None])
+        self._ring, self._beyond = ring, matrix.positions[BLOCK * n :] - BLOCK * n
+        last = ring.nodes
+        parts = _pivot(_join(ring.diagonal[last], ring.coupling[last], ring.border[last], corner)[None])
         self._last = (parts[0][0], parts[1][0])
+        ring.diagonal = ring.coupling = ring.border = np.empty(0)
         # Held components stand in K as ones on the diagonal, whatever the metric: no eigenvalues of W_c.
         ones = int((matrix.metric[matrix.fixed] * shift > 1.0).sum()) if metric is None else 0
         self.negative: int = ring.negative + parts[2] - matrix.duals - ones
@@ -375,8 +302,8 @@ class BlockReduction:
         chain.reduce(keep=keep)
         ring.diagonal[k] += chain.diagonal[0]
         ring.border[k] += chain.border[0]
-        ring.diagonal[after] += chain.diagonal[1]
-        ring.border[after] += chain.border[1]
+        ring.diagonal[after] += chain.diagonal[-1]
+        ring.border[after] += chain.border[-1]
         ring.coupling[k] = chain.coupling[0]
         ring.held[k] = chain.held[0]
         ring.negative += chain.negative
@@ -408,36 +335,43 @@ class BlockReduction:
     def solve(self, rhs: Array) -> Array:
         """Solve the scaled system for rhs (n+m+r,) or (n+m+r, k)."""
         columns = rhs.reshape(rhs.shape[0], -1)
-        position = self.matrix.positions
-        ordered = np.empty_like(columns)
-        ordered[position] = columns
-        inner, count = ordered.shape[0] - self._width, ordered.shape[1]
-        b, edge = ordered[:inner].reshape(-1, BLOCK, count), ordered[inner:].copy()
-        stacks = []
-        if self._chains:
-            on_ring = b[[first for first, _ in self._bounds]]
-            for k, (first, last) in enumerate(self._bounds):
-                inside = np.zeros((last - first + 1, BLOCK, count))
-                inside[1:-1] = b[first + 1 : last]
-                ends, stack = _forward_at_once(self._chains[k].levels, inside, edge)
-                on_ring[k] += ends[0]
-                on_ring[(k + 1) % len(self._bounds)] += ends[1]
-                stacks.append(stack)
-        else:
-            on_ring = b
-        rest, ring_stack = _forward(self._ring.levels, on_ring, edge)
-        vectors, inverse = self._last
-        rest = vectors @ (inverse[:, None] * (vectors.T @ np.concatenate((rest.reshape(-1, count), edge))))
-        inside_size = rest.shape[0] - self._width
-        x, edge = rest[:inside_size].reshape(-1, BLOCK, count), rest[inside_size:]
-        x = _backward(self._ring.levels, ring_stack, x, edge)
-        if self._chains:
-            for k, (first, last) in enumerate(self._bounds):
-                ends = x[[k, (k + 1) % len(self._bounds)]]
-                b[first:last] = _backward_at_once(self._chains[k].levels, stacks[k], ends, edge)[:-1]
-            x = b
-        out: Array = np.concatenate((x.reshape(-1, count), edge))[position]
+        size, count = self.matrix.size, columns.shape[1]
+        n = size // 7
+        # Behind the last node stands the first once more, as the end of the last chain.
+        b = np.zeros((n + 1, BLOCK, count))
+        b[:-1, :7] = columns[:size].reshape(n, 7, count)
+        b[:-1, 7:] = columns[size : BLOCK * n].reshape(n, PER_NODE, count)
+        edge = np.empty((self._beyond.size, count))
+        edge[self._beyond] = columns[BLOCK * n :]
+        parts = [b[first : last + 1] for first, last in self._bounds] if self._chains else []
+        for chain, part in zip(self._chains, parts, strict=True):
+            for level in chain.levels:
+                level.forward(part, edge)
+        b[0] += b[-1]
+        ring = b[: -1 : self._bounds[0][1]] if self._chains else b[:-1]
+        self._solve_ring(ring, edge)
+        b[-1] = b[0]
+        for chain, part in zip(self._chains, parts, strict=True):
+            for level in reversed(chain.levels):
+                level.backward(part, edge)
+        out = np.empty_like(columns)
+        out[:size].reshape(n, 7, count)[:] = b[:-1, :7]
+        out[size : BLOCK * n].reshape(n, PER_NODE, count)[:] = b[:-1, 7:]
+        out[BLOCK * n :] = edge[self._beyond]
         return out.reshape(rhs.shape)
+
+    def _solve_ring(self, b: Array, edge: Array) -> None:
+        """Solve for right-hand sides b (n,12,k) of a ring and for those of the border, in place."""
+        for level in self._ring.levels:
+            level.forward(b, edge)
+        left = self._ring.nodes
+        vectors, inverse = self._last
+        known = np.concatenate((b[left].reshape(-1, b.shape[2]), edge))
+        rest = vectors @ (inverse[:, None] * (vectors.T @ known))
+        b[left] = rest[: left.size * BLOCK].reshape(-1, *b.shape[1:])
+        edge[:] = rest[left.size * BLOCK :]
+        for level in reversed(self._ring.levels):
+            level.backward(b, edge)
 
 
 def inertia(matrix: KKTMatrix, shift: float = 0.0, like: KKTMatrix | None = None) -> Inertia:

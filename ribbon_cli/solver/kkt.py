@@ -17,16 +17,8 @@ from numpy.typing import NDArray
 from scipy.sparse._sparsetools import csr_matvec
 
 from ..model.band import Array, Band
-from ..model.constraints import PER_NODE
-from ..model.problem import (
-    END_ROW,
-    JACOBIAN_COLUMNS,
-    JACOBIAN_ROWS,
-    Layout,
-    LocalDerivatives,
-    Problem,
-    hessian_places,
-)
+from ..model.entries import JACOBIAN_COLUMNS, JACOBIAN_ROWS, PER_NODE, hessian_places
+from ..model.problem import END_ROW, Layout, LocalDerivatives, Problem
 from ..model.sparsity import COMPACT_FROM, IntArray, Scatter, stretched
 from ..model.stencil import Seam, indices
 from .ldl import Ldl, Symbolic
@@ -212,8 +204,8 @@ def _scales(band: Band, seam: Seam, pattern: Pattern, rotations: int) -> tuple[A
 
 def _made_scales(band: Band, seam: Seam, pattern: Pattern, rotations: int) -> tuple[Array, Array]:
     scale = scaling(band, seam, rotations)
-    columns = np.repeat(np.arange(scale.size), np.diff(pattern.upper.indptr))
-    return scale, scale[pattern.upper.indices] * scale[columns]
+    of_columns = np.repeat(scale, np.diff(pattern.upper.indptr))
+    return scale, scale.take(pattern.upper.indices) * of_columns
 
 
 _kept_scales = lru_cache(maxsize=16)(_made_scales)
@@ -242,8 +234,8 @@ class NodeBlocks:
     """K node by node: `diagonal` (N,12,12), `coupling` to the next node (N,12,12), `border` (N,12,c),
     and the nodes whose ruling is `held` (N,).
 
-    `position` is the place of every row of K in this order, border (closure, gauge) last. `corner` (c,c)
-    is the border's own block where that is not zero.
+    `position` is the place of every row of K in this order, border (closure, gauge) last; unknowns and the
+    rows of nodes come first in K as well. `corner` (c,c) is the border's own block where that is not zero.
     """
 
     position: NDArray[np.int64]
@@ -276,7 +268,8 @@ class KKTMatrix:
         self.metric = self.scale[: self.size] ** 2
         values = np.concatenate(
             (
-                local.entries.ravel(),
+                local.hessian_entries.ravel(),
+                local.jacobian_entries.ravel(),
                 np.full(problem.closing * n, problem.band.h),
                 rotations.reshape(n, 7, self.gauge)[:, :6].reshape(6 * n, self.gauge).T.ravel(),
                 _ZERO,
@@ -291,7 +284,12 @@ class KKTMatrix:
     def _fill(self, data: Array) -> None:
         """Take the upper triangle's data, in CSC order."""
         self.upper = _filled(self.pattern.upper_matrix, data)
-        self.whole = _filled(self.pattern.whole_matrix, data.take(self.pattern.whole_source))
+        self.__dict__.pop("whole", None)
+
+    @cached_property
+    def whole(self) -> scipy.sparse.csr_matrix:
+        """The whole symmetric matrix, made when it is first asked for: parts of other matrices do without."""
+        return _filled(self.pattern.whole_matrix, self.upper.data.take(self.pattern.whole_source))
 
     @cached_property
     def node_blocks(self) -> NodeBlocks:
@@ -354,11 +352,14 @@ class KKTMatrix:
 
     def extended_product(self, v: Array) -> NDArray[np.longdouble]:
         """Scaled K v, for v (n+m+r,), in extended precision, a few rows after the other."""
-        extended = v.astype(np.longdouble)
-        out = np.empty(v.size, dtype=np.longdouble)
+        whole, extended = self.whole, v.astype(np.longdouble)
+        out = np.zeros(v.size, dtype=np.longdouble)
         for first in range(0, v.size, ROWS_AT_ONCE):
-            some = slice(first, first + ROWS_AT_ONCE)
-            out[some] = self.whole[some].astype(np.longdouble) @ extended
+            rows = out[first : first + ROWS_AT_ONCE]
+            pointer = whole.indptr[first : first + rows.size + 1]
+            some = slice(pointer[0], pointer[-1])
+            data = whole.data[some].astype(np.longdouble)
+            csr_matvec(rows.size, v.size, pointer - pointer[0], whole.indices[some], data, extended, rows)
         return out
 
     def regularised(self, shift: float, delta: float) -> scipy.sparse.csc_matrix:

@@ -69,9 +69,11 @@ NEAR_STEP = 0.05
 """Change of the next Newton step up to which a saddle is stepped onto and left on purpose."""
 
 
-def iterate_at(problem: Problem, x: Array, multipliers: Array | None) -> Iterate:
-    """Evaluate a place x (7N,); unknown multipliers (5N+3,) count as zero, and the Hessian is left out."""
-    local = problem.local_derivatives(x, multipliers)
+def iterate_at(
+    problem: Problem, x: Array, multipliers: Array | None, local: LocalDerivatives | None = None
+) -> Iterate:
+    """Evaluate a place x (7N,) of unknown derivatives; unknown multipliers (5N+3,) count as zero."""
+    local = problem.local_derivatives(x, multipliers) if local is None else local
     if multipliers is None:
         multipliers = np.zeros(problem.rows)
     gradient = problem.lagrangian_gradient(local, multipliers)
@@ -192,17 +194,15 @@ class _Search:
         self.keep(point.x, normal)
         return normal
 
-    def correct(self, point: Iterate, x: Array) -> Array:
-        """Second-order correction: the least move that removes the constraint values at x, near a point.
+    def correct(self, point: Iterate, constraints: Array) -> Array:
+        """Second-order correction: the least move that removes weighted constraint values near a point.
 
         It is least in the scaled metric, not in that of the Hessian: near-zero eigenvalues (sliding) would
         turn it into a long tangential step.
         """
-        problem = self.problem
-        normal = self._normal_at(point)
-        tail = np.zeros(normal.matrix.tail)
-        rhs = np.concatenate((np.zeros(problem.size), -problem.weighted_constraints(x), tail))
-        return normal.solve(rhs)[: problem.size]
+        size, normal = self.problem.size, self._normal_at(point)
+        rhs = np.concatenate((np.zeros(size), -constraints, np.zeros(normal.matrix.tail)))
+        return normal.solve(rhs)[:size]
 
 
 def solve(
@@ -249,17 +249,19 @@ class _Solve:
             return self._result(Status.INVERTED_FACET, self.last, detail="It was so at the start.")
         try:
             if multipliers is None:
-                self.last = iterate_at(self.problem, x, self._estimated(x, self.last.local))
+                self.last = self._estimated(self.last)
             return self._iterate(self.last)
         except FactorisationError as error:
             return self._result(Status.STALLED, self.last, detail=f"({error}.)")
 
-    def _estimated(self, x: Array, local: LocalDerivatives) -> Array:
-        """Multipliers (5N+3,) at the start x, whose normal factors are kept."""
-        normal = _normal_factor(self.problem, x, local)
+    def _estimated(self, start: Iterate) -> Iterate:
+        """The start with multipliers by least squares, whose normal factors are kept."""
+        problem, x, local = self.problem, start.x, start.local
+        normal = _normal_factor(problem, x, local)
         if not self.fine:
             self.search.keep(x, normal)
-        return _estimate(self.problem, local, normal)
+        multipliers = _estimate(problem, local, normal)
+        return iterate_at(problem, x, multipliers, problem.with_multipliers(x, local, multipliers))
 
     def _iterate(self, point: Iterate) -> Result:
         options = self.options
@@ -468,15 +470,14 @@ class _Solve:
         if self.options.way is not None and not self.options.way(point.x, x):
             return None
         multipliers = point.multipliers + t * (found.multipliers - point.multipliers)
-        violation = np.inf
-        for corrections in range(MOST_CORRECTIONS + 1):
-            if corrections:
-                extra = self.search.correct(point, x)
+        violation, trial = np.inf, None
+        for _ in range(MOST_CORRECTIONS + 1):
+            if trial is not None:
+                extra = self.search.correct(point, trial.local.constraints)
                 if not self._size(x, extra) <= self.options.step_limit:
                     return None
                 x = self._moved(x, extra)
-            with np.errstate(over="ignore", invalid="ignore"):
-                trial = iterate_at(self.problem, x, multipliers)
+            trial = iterate_at(self.problem, x, multipliers)
             if not np.isfinite(trial.worst):
                 if self.trouble[0] is Status.STALLED:
                     self.trouble = (Status.NOT_FINITE, "")
@@ -538,7 +539,7 @@ class _Solve:
             for side in (1.0, -1.0):
                 x = point.x + (side * t * self.options.step_limit / size) * v
                 for _ in range(4):
-                    x = x + self.search.correct(point, x)
+                    x = x + self.search.correct(point, self.problem.weighted_constraints(x))
                 trial = iterate_at(self.problem, x, point.multipliers)
                 if not np.isfinite(trial.worst) or not self._allowed(point, trial):
                     continue

@@ -162,7 +162,8 @@ class Pencil:
         empty = self.matrix.without_hessian()
         project = _Inverse(empty, self.mass, -1.0, BlockReduction(empty, -1.0, self._nodes))
         dual = np.einsum("ij,ij->j", excess, project.moves(excess))
-        out: Array = np.sqrt(np.maximum(dual, 0.0))
+        # Where roundoff makes one negative, its size says how far it can be trusted.
+        out: Array = np.sqrt(np.abs(dual))
         return out
 
 

@@ -19,7 +19,7 @@ from ..model.problem import LocalDerivatives, Problem
 from ..model.rates import Rates, rates
 from ..model.reactions import Reactions, reactions
 from ..model.touching import Shape
-from ..model.touching_gaps import RULING, Gaps, Pairs, arguments, gaps, vectors
+from ..model.touching_gaps import RULING, GapRates, Gaps, Pairs, arguments, gap_rates, gaps, vectors
 from ..parts import HALF_WIDTH
 from .resting_kkt import (
     Copies,
@@ -55,8 +55,14 @@ class RestingProblem(Problem):
 
     def gaps(self, x: Array) -> Gaps:
         """Gaps and their derivatives at x (7N,)."""
-        shape = Shape.of(self.state(x), self.gap)
-        return gaps(vectors(shape, self.what), self.what, self.pairs.sign, self.band.half_width)
+        return gaps(self._six(x), self.what, self.pairs.sign, self.band.half_width)
+
+    def gap_rates(self, x: Array) -> GapRates:
+        """Their derivatives by the half-width."""
+        return gap_rates(self._six(x), self.what, self.pairs.sign, self.band.half_width)
+
+    def _six(self, x: Array) -> Array:
+        return vectors(Shape.of(self.state(x), self.gap), self.what)
 
     def pull(self, local: Array) -> Array:
         """The sum (7N,) of gradients (k,6,3) in the gaps' six vectors, in x."""
@@ -90,6 +96,11 @@ class RestingProblem(Problem):
         own = {f.name: getattr(free, f.name) for f in fields(LocalDerivatives)}
         own["constraints"] = np.concatenate((free.constraints, found.value - self.gap))
         return RestingDerivatives(**own, base=self.base, free=free, touched=touched)
+
+    def with_multipliers(self, x: Array, local: LocalDerivatives, multipliers: Array) -> LocalDerivatives:
+        """The derivatives at x for other multipliers (5N+3+k,), forces among them."""
+        del local
+        return self.local_derivatives(x, multipliers)
 
     def lagrangian_gradient(self, local: LocalDerivatives, multipliers: Array) -> Array:
         """Gradient (7N,) of the Lagrangian."""
@@ -147,11 +158,11 @@ def resting_rates(problem: RestingProblem, x: Array, multipliers: Array, name: s
     by_gap = np.zeros(len(forces))
     lagrangian, gradient, second = found.lagrangian, found.gradient, found.second
     if name == HALF_WIDTH and forces.size:
-        at = problem.gaps(x)
-        by_gap = at.rate
-        lagrangian -= float(forces @ at.rate)
-        gradient = gradient - problem.pull(forces[:, None, None] * at.rate_gradient)
-        second -= float(forces @ at.rate_second)
+        by_width = problem.gap_rates(x)
+        by_gap = by_width.rate
+        lagrangian -= float(forces @ by_width.rate)
+        gradient = gradient - problem.pull(forces[:, None, None] * by_width.gradient)
+        second -= float(forces @ by_width.second)
     if name in TURNS and forces.size:
         by_gap, pushed, bent = _turning(problem, x, name)
         lagrangian -= float(forces @ by_gap)

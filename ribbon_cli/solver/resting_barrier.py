@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 
@@ -110,6 +110,12 @@ class BarrierProblem(Problem):
         )
         touched = Touched(copies, found.gradient[:0], hessian)
         return RestingDerivatives(**own, base=self.base, free=free, touched=touched)
+
+    def with_multipliers(self, x: Array, local: LocalDerivatives, multipliers: Array) -> LocalDerivatives:
+        """The derivatives at x for other multipliers (5N+3,); the barrier's own stay."""
+        assert isinstance(local, RestingDerivatives)
+        free = self.base.with_multipliers(x, local.free, multipliers)
+        return replace(local, multipliers=multipliers, free=free)
 
     def _copied(self, shape: Shape, what: Arguments) -> Copies:
         """Copies for pairs within the reach, with those for pairs that are soon to be there, or were before:

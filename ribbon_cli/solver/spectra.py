@@ -20,8 +20,8 @@ import scipy
 from ..model.band import Array, Discretisation
 from ..model.metrics import lengths, metric_named
 from ..model.problem import LocalDerivatives, Problem
-from .kkt import FINE, FactorisationError
-from .lanczos import BLOCK_SIZE, largest_eigenpairs
+from .kkt import FactorisationError
+from .lanczos import largest_eigenpairs
 from .pencil import Pencil, roundoff
 from .tangent_basis import Basis, tangent_basis
 
@@ -35,8 +35,6 @@ LABELS = ("rotation", "sliding", "checkerboard", "mode")
 """What a mode may be."""
 NEAR_EQUAL = 1e-6
 """Relative difference of eigenvalues that are not told apart when they are counted."""
-WIDE = 6
-"""Vectors in a block of Lanczos on fine grids, where six solutions at once take little longer than two."""
 SEARCHES = 4
 """Starts of Lanczos before eigenvalues that the inertia counts are given up as missing."""
 
@@ -273,7 +271,6 @@ def _lowest(pencil: Pencil, count: int, *, last: bool) -> _Found:
                 dimension=dimension - known,
                 known=vectors,
                 seed=search,
-                width=WIDE if problem.band.segments > FINE else BLOCK_SIZE,
             )[1]
         except FactorisationError:
             continue  # too many nearly equal ones, seen from this shift

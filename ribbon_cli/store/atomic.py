@@ -22,7 +22,7 @@ _NO_FOLDER_SYNC = {errno.EINVAL, errno.ENOSYS, errno.EOPNOTSUPP, errno.ENOTSUP}
 _NO_FILE = {errno.ENOENT, errno.ENOTDIR, errno.EISDIR, errno.ELOOP, errno.ENXIO}
 _counter = itertools.count()
 _STEM = 40
-_NAMED = re.compile(re.escape(TEMPORARY) + r".{0,40}-\d+-\d+-[0-9a-f]{8}", re.DOTALL)
+_NAMED = re.escape(TEMPORARY) + r".{0,40}-\d+-\d+-[0-9a-f]{8}"
 
 
 def write_atomic(path: str | Path, data: bytes, *, overwrite: bool = False) -> None:
@@ -94,7 +94,7 @@ def temporary_name(path: Path) -> Path:
 
 def is_temporary(name: str) -> bool:
     """Whether a name was given by `temporary_name` and not by another program."""
-    return _NAMED.fullmatch(name) is not None
+    return re.fullmatch(_NAMED, name, re.DOTALL) is not None
 
 
 def without_waiting(path: str | Path, flags: int) -> int:

@@ -14,7 +14,7 @@ from typing import Any, TypeGuard
 from ribbon_cli.parts import HALF_WIDTH, PARAMETERS
 from ribbon_cli.store.summaries import Fields, Summary, are_texts, fits, is_label
 
-_SHA256 = re.compile(r"[0-9a-f]{64}")
+_HEXADECIMAL = "0123456789abcdef"
 _VERSION = re.compile(r"[1-9]\d{0,3}\.\d{1,4}")
 _NUMBER: set[type] = {int, float}
 _BRANCH_END = Fields(
@@ -268,7 +268,7 @@ _KINDS: dict[str, Callable[[str, str, dict[str, Any]], Event]] = {
 
 
 def _is_sha256(value: Any) -> TypeGuard[str]:
-    return isinstance(value, str) and _SHA256.fullmatch(value) is not None
+    return isinstance(value, str) and len(value) == 64 and not value.strip(_HEXADECIMAL)
 
 
 def _places(values: Any) -> tuple[Place, ...]:

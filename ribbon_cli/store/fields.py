@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     Value = np.ndarray[Any, Any] | str | tuple[str, ...]
 
 NUMPY_DTYPE = {"float64": "<f8", "int64": "<i8", "bool": "?"}
-_KEY = re.compile(r"[a-z][a-z0-9_]{0,63}")
+_KEY = r"[a-z][a-z0-9_]{0,63}"
 
 
 @dataclass(frozen=True)
@@ -168,7 +168,7 @@ def flatten(record: StateRecord) -> list[Field]:
     if record.contacts is not None:
         fields += _record_fields(record.contacts, CONTACTS, {})
     for key in sorted(record.provenance):
-        if not _KEY.fullmatch(key):
+        if not re.fullmatch(_KEY, key):
             raise ValueError(f"provenance key {key!r} must be lower-case letters, digits and underscores")
         item = provenance_item(key, record.provenance[key])
         fields.append(Field(item, _to_value(item, record.provenance[key])))

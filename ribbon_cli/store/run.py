@@ -48,8 +48,8 @@ if TYPE_CHECKING:
 else:  # for writers alone
     beside = Later("ribbon_cli.store.beside")
 
-_NAME = re.compile(r"\w[\w.-]*")
-_HASH = re.compile(r"[0-9a-f]{8}")
+_NAME = r"\w[\w.-]*"
+_HASH = r"[0-9a-f]{8}"
 
 
 class Run:
@@ -90,11 +90,11 @@ class Run:
         Raises UsageError for a name that cannot be a folder or a reference, StoreError when it cannot be
         written.
         """
-        if not _NAME.fullmatch(name) or len(name.encode()) > 200:
+        if not re.fullmatch(_NAME, name) or len(name.encode()) > 200:
             raise UsageError(
                 f"name: must be letters, digits, '.', '_' and '-', at most 200 bytes, got {name!r}"
             )
-        if not _HASH.fullmatch(hash8):
+        if not re.fullmatch(_HASH, hash8):
             raise ValueError(f"hash8 must be 8 hexadecimal digits, got {hash8!r}")
         root = Path(root)
         path = root / f"{name}-{hash8}"
@@ -194,7 +194,7 @@ class Run:
         """Read a state.
 
         Raises UsageError for a label that the run does not have, StoreError when the file is not the one
-        committed.
+        committed, or holds another state than the log says.
         """
         return self.load_entry(self._entry(label))
 
@@ -242,20 +242,19 @@ class Run:
                 found[label] = "damaged"
         return found
 
-    def check_file(self, label: int) -> None:
-        """Check a state's file against the log and the log's summary against the file. Raises StoreError."""
-        entry = self._entry(label)
-        if Summary.of(self.load_entry(entry)) != entry.state:
-            raise StoreError(
-                f"{self.log_path}: its line on state {label} is not what {self.state_path(label)} holds"
-            )
-
     def load_entry(self, entry: Entry) -> StateRecord:
-        """Read the state of an entry; its hash is checked before HDF5 sees a byte. Raises StoreError."""
+        """Read the state of an entry; its hash is checked before HDF5 sees a byte, and the entry's summary
+        against what the file holds. Raises StoreError.
+        """
         path = self.state_path(entry.state.label)
         record = decode_bytes(self.committed_bytes(entry), str(path))
         if record.label != entry.state.label:
             raise StoreError(f"{path}: damaged: it holds state {record.label}")
+        if Summary.of(record) != entry.state:
+            raise StoreError(
+                f"{self.log_path}: its line on state {record.label} is not what {path.name} holds; "
+                f"`ribbon repair {named(self.path)}` rebuilds it"
+            )
         return record
 
     def committed_bytes(self, entry: Entry) -> bytes:

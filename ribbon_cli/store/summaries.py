@@ -9,7 +9,7 @@ from operator import itemgetter
 from typing import Any
 
 from ribbon_cli.facts import kinds_of
-from ribbon_cli.parts import CLOSED, HALF_WIDTH, PARAMETERS
+from ribbon_cli.parts import CLOSED, FREE, HALF_WIDTH, PARAMETERS, Ends, Parts
 from ribbon_cli.store.contacts import Contacts
 from ribbon_cli.store.layout import BRANCH, STATE, Dtype, Item
 from ribbon_cli.store.record import REACTIONS, StateRecord
@@ -30,7 +30,11 @@ LABELS = 10**12
 """Bound of the labels that a line may name."""
 _LARGEST = 2**63
 """Bound of whole numbers, as in a file."""
-_POSITIVE = ("half_width", "segments", "length")
+_LARGEST_FLOAT = 1e100
+"""Bound of numbers, far beyond what a computation can end with: their products and ratios fit a float."""
+_FARTHEST = 1e30
+"""Bound of parameters and lengths, and of 1/lengths; configs admit 1e9."""
+_LENGTHS = ("half_width", "length")
 OF_CONTACTS: dict[str, Dtype] = {
     "contacts": "int64",
     "contact_force": "float64",
@@ -39,6 +43,7 @@ OF_CONTACTS: dict[str, Dtype] = {
 }
 """What a summary says of a state with contact forces, and of no other: types as in a file."""
 _NUMBER = frozenset(_JSON["float64"])
+_FINITE = _NUMBER - _NONE
 
 
 class Fields:
@@ -51,7 +56,7 @@ class Fields:
         self._types = {name: frozenset(allowed) for name, allowed in types.items()}
         self._names = tuple(types)
         self._values = itemgetter(*types)
-        self._by_types: dict[tuple[type, ...], tuple[list[int], list[int]]] = {}
+        self._by_types: dict[tuple[type, ...], tuple[list[int], ...]] = {}
 
     def checked(self, found: Any, of: str) -> dict[str, Any]:
         """These fields of a part of a line; what else it says is left out. Raises ValueError, as `pairs`."""
@@ -68,31 +73,35 @@ class Fields:
             values = self._values(found)
         except KeyError as error:
             raise ValueError(f"{error.args[0]} {of}") from None
-        floats, others = self._places(values, of)
-        finite = math.isfinite(sum([values[k] for k in floats]))
-        for k in others if finite else range(len(values)):
-            if not fits(values[k]):
-                raise ValueError(f"{self._names[k]} {of}")
+        floats, integers, lists = self._places(values, of)
+        # All at once, and one by one only to name what does not fit.
+        if not (
+            math.hypot(*[values[k] for k in floats]) <= _LARGEST_FLOAT
+            and max([abs(values[k]) for k in integers], default=0) < _LARGEST
+            and all(map(are_texts, [values[k] for k in lists]))
+        ):
+            for name, value in zip(self._names, values, strict=True):
+                if not fits(value):
+                    raise ValueError(f"{name} {of}")
         return zip(self._names, values, strict=True)
 
-    def _places(self, values: tuple[Any, ...], of: str) -> tuple[list[int], list[int]]:
-        """Where floats are among the values, and integers and lists. Raises ValueError for any other type."""
+    def _places(self, values: tuple[Any, ...], of: str) -> tuple[list[int], ...]:
+        """Where floats, integers and lists are among the values. Raises ValueError for any other type."""
         found = tuple(map(type, values))
         places = self._by_types.get(found)
         if places is None:
             for name, one in zip(self._names, found, strict=True):
                 if one not in self._types[name]:
                     raise ValueError(f"{name} {of}")
-            floats = [k for k, one in enumerate(found) if one is float]
-            places = floats, [k for k, one in enumerate(found) if one in (int, list)]
+            places = tuple([k for k, one in enumerate(found) if one is kind] for kind in (float, int, list))
             self._by_types[found] = places
         return places
 
 
 def fits(value: Any) -> bool:
-    """Whether a value could be in a file: 1e999 could not."""
+    """Whether a value could be a state's: 1e999 could not."""
     if type(value) is float:
-        return math.isfinite(value)
+        return abs(value) <= _LARGEST_FLOAT
     if type(value) is int:
         return -_LARGEST <= value < _LARGEST
     return type(value) is not list or are_texts(value)
@@ -120,6 +129,12 @@ _KEYS = tuple(
     dict.fromkeys("topology" if item.field in _TOPOLOGY else item.field for item in STATE if item.summary)
 )
 """Keys of every state's document but the last, in their order."""
+_PROBLEMS = ((1, CLOSED), (-1, CLOSED), (0, Parts(Ends())), (0, Parts(Ends(end=FREE))))
+_NAMES: dict[int, dict[frozenset[str], tuple[str, ...]]] = {}
+"""The names that `parameters` may have, by sigma, with those besides the half-width in their order."""
+for _sigma, _parts in _PROBLEMS:
+    _names = _parts.names(_sigma)
+    _NAMES.setdefault(_sigma, {})[frozenset(_names)] = _names[1:]
 _values = itemgetter(*(_TOPOLOGY[0] if key == "topology" else key for key in _KEYS))
 
 
@@ -241,14 +256,21 @@ class Summary:
         # Into one dictionary, which becomes the summary's own: a log has thousands.
         values = _UNKNOWN.copy()
         values.update(_OF_STATE.pairs(document, of))
-        for name in _POSITIVE:
-            if not (values[name] or 0) > 0:
-                raise ValueError(f"{name} of state {document['label']} is not positive")
+        if values["segments"] < 1:
+            raise ValueError(f"segments of state {document['label']} is not positive")
+        for name in _LENGTHS:
+            if not 1.0 / _FARTHEST <= (values[name] or 0) <= _FARTHEST:
+                raise ValueError(f"{name} of state {document['label']} is not positive, or beyond any length")
         topology = document.get("topology")
         if topology == _OPEN:
-            values |= dict.fromkeys(_TOPOLOGY, 0)
+            values["half_twists"] = values["sigma"] = 0
         else:
             values.update(_OF_TOPOLOGY.pairs(topology, of))
+            if values["sigma"] not in (1, -1):
+                raise ValueError(f"sigma {of}")
+        parent = values["parent"]
+        if parent is not None and not 0 < parent < document["label"]:
+            raise ValueError(f"state {parent}, the parent of state {document['label']}, is not earlier")
         _add_newer(document, values, of)
         values["events"] = tuple(values["events"])
         values["event_kinds"] = _kinds(document, values["events"], of)
@@ -312,15 +334,19 @@ def _add_newer(document: dict[str, Any], values: dict[str, Any], of: str) -> Non
 
     Raises ValueError unless they are numbers, or null.
     """
+    known = _NAMES[values["sigma"]]
     if "parameters" in document:
         parameters = document["parameters"]
     else:
-        names = CLOSED.names(values["sigma"])[1:]
-        parameters = {HALF_WIDTH: values["half_width"], **dict.fromkeys(names, 0.0)}
-    if not isinstance(parameters, dict) or not parameters.keys() <= PARAMETERS.keys():
+        parameters = {HALF_WIDTH: values["half_width"], **dict.fromkeys(next(iter(known.values())), 0.0)}
+    names = known.get(frozenset(parameters)) if isinstance(parameters, dict) else None
+    if names is None:
         raise ValueError(f"parameters {of}")
-    bending = values["bending_energy"] = document.get("bending_energy", values["energy"])
-    numbers = [*parameters.values(), bending]
+    for value in parameters.values():
+        if type(value) not in _FINITE or not abs(value) <= _FARTHEST:
+            raise ValueError(f"parameters {of}")
+    numbers = [document.get("bending_energy", values["energy"])]
+    values["bending_energy"] = numbers[0]
     for name in REACTIONS:
         vector = document.get(name)
         if vector is not None:
@@ -328,9 +354,10 @@ def _add_newer(document: dict[str, Any], values: dict[str, Any], of: str) -> Non
                 raise ValueError(f"a reaction {of}")
             numbers += vector
             values[name] = tuple(vector)
-    if not all(type(n) in _NUMBER and fits(n) for n in numbers):
-        raise ValueError(f"parameters, bending_energy or a reaction {of}")
-    values["others"] = {name: value for name, value in parameters.items() if name != HALF_WIDTH}
+    for value in numbers:
+        if type(value) not in _NUMBER or not fits(value):
+            raise ValueError(f"bending_energy or a reaction {of}")
+    values["others"] = {name: parameters[name] for name in names}
     if document.get("contacts") is not None:
         values.update(_OF_CONTACTS.pairs(document, of))
         if values["contacts"] < 0:
@@ -339,11 +366,8 @@ def _add_newer(document: dict[str, Any], values: dict[str, Any], of: str) -> Non
 
 def varying(states: Iterable[Summary]) -> tuple[str, ...]:
     """The parameters besides the half-width that have more than one value, in the order of their table."""
-    values: dict[str, set[float | None]] = {}
-    for state in states:
-        for name, value in state.others.items():
-            values.setdefault(name, set()).add(value)
-    return tuple(name for name in PARAMETERS if len(values.get(name, ())) > 1)
+    rows = {tuple(state.others.items()): state.others for state in states}.values()
+    return tuple(name for name in PARAMETERS if len({row.get(name) for row in rows}) > 1)
 
 
 def _of_contacts(contacts: Contacts | None) -> dict[str, Any]:
@@ -355,7 +379,8 @@ def _of_contacts(contacts: Contacts | None) -> dict[str, Any]:
 
 
 def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
+    """A number, None where it is none or beyond what a summary takes."""
+    return value if abs(value) <= _LARGEST_FLOAT else None
 
 
 def _kinds(document: dict[str, Any], events: tuple[str, ...], of: str) -> tuple[str, ...]:
@@ -372,7 +397,7 @@ def _plain(record: object, item: Item) -> Any:
     if value is None or item.dtype == "utf-8":
         return value
     if item.dtype == "float64":
-        return float(value) if math.isfinite(value) else None
+        return _finite(float(value))
     return int(value) if item.dtype == "int64" else bool(value)
 
 

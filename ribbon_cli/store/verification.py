@@ -18,7 +18,6 @@ from ribbon_cli.store.folder import STATES, state_files
 from ribbon_cli.store.hdf5 import decode
 from ribbon_cli.store.record import StateRecord
 from ribbon_cli.store.run import Run
-from ribbon_cli.store.summaries import Summary
 
 
 @dataclass(frozen=True)
@@ -49,7 +48,7 @@ def check_folder(run: Run) -> list[Finding]:
     try:
         events = run.events()
     except StoreError as error:
-        return [_from_error(run.log_path, error)]
+        return [_from_error(error, run.log_path)]
     found = list(_check_config(run, events))
     labels = Counter(event.state.label for event in events if isinstance(event, Entry))
     for label in sorted(label for label, count in labels.items() if count > 1):
@@ -109,13 +108,8 @@ def _check_state(run: Run, label: int, entry: Entry) -> Checked:
     try:
         record = run.load_entry(entry)
     except StoreError as error:
-        return Checked(label, path, None, (_from_error(path, error),))
-    found = []
-    if Summary.of(record) != entry.state:
-        found.append(Finding(str(run.log_path), f"its line on state {label} is not what {path.name} holds"))
-    if record.parent is not None and not 0 < record.parent < label:
-        found.append(Finding(str(path), f"its parent is state {record.parent}, which is not earlier"))
-    return Checked(label, path, record, tuple(found))
+        return Checked(label, path, None, (_from_error(error, path, run.log_path),))
+    return Checked(label, path, record, ())
 
 
 def check_file(path: Path) -> Checked:
@@ -123,11 +117,13 @@ def check_file(path: Path) -> Checked:
     try:
         record = decode(path)
     except StoreError as error:
-        return Checked(None, path, None, (_from_error(path, error),))
+        return Checked(None, path, None, (_from_error(error, path),))
     return Checked(None, path, record, ())
 
 
-def _from_error(path: Path, error: StoreError) -> Finding:
-    """An error as a finding; its message begins with the path where it can."""
-    where, text = str(path), str(error)
-    return Finding(where, text.removeprefix(f"{where}: "))
+def _from_error(error: StoreError, path: Path, *others: Path) -> Finding:
+    """An error as a finding of the file that its message begins with, else of the first."""
+    for where in (path, *others):
+        if str(error).startswith(f"{where}: "):
+            return Finding(str(where), str(error).removeprefix(f"{where}: "))
+    return Finding(str(path), str(error))

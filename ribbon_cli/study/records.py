@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..config import SpectrumRequest
+from ..errors import UsageError
 from ..facts import Event, event
 from ..model.band import Array, Band, Discretisation, Multipliers, State
 from ..model.contact import self_contact
@@ -325,8 +326,12 @@ def _spectrum_record(spectrum: Spectrum) -> SpectrumRecord:
 
 
 def state_of(record: StateRecord) -> State:
-    """The discrete state of a record."""
-    rule = Discretisation(record.discretisation)
+    """The discrete state of a record. Raises UsageError for a discretisation of a newer version."""
+    try:
+        rule = Discretisation(record.discretisation)
+    except ValueError:
+        unknown = f"no discretisation {record.discretisation!r} is known here"
+        raise UsageError(f"state {record.label}: {unknown}: update ribbon") from None
     band = Band(record.segments, record.half_width, record.length, record.sigma, rule, record.parts)
     return State(band, record.u, record.g, record.xi, None if band.closed else record.g_end)
 

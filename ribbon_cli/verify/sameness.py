@@ -30,8 +30,8 @@ import numpy as np
 
 from ..facts import TOLERANCE
 from ..model.band import Array
-from ..model.constraints import PER_NODE
 from ..model.contact import GRAZING_TOLERANCE
+from ..model.entries import PER_NODE
 from ..model.metrics import metric_named
 from ..model.strip_symmetry import strip_images
 from ..model.symmetry import Symmetry, find_image, nearest_image
