@@ -53,7 +53,7 @@ REASONS = {
     "keywords and settings of matplotlib": """
         plot.canvas.Figure._repr_png_ plot.curves._formulas plot.figure.image plot.levels._mark
         plot.runs.runs_figure plot.style.styled plot.style.marked_look plot.style.line_look
-        plot.style.branch_look plot.style._look plot.style._fill""",
+        plot.style.branch_look plot.style._look""",
     "attributes of an SVG element": "export.sheet.Line",
     "JSON of formats that others define": """
         export.fold.fold_bytes export.fold._faces export.fold._edges export.fold._seam export.fold._ends
