@@ -59,9 +59,10 @@ def test_ls_tells_whether_a_run_is_complete(folder):
     config = parse_config(CONFIG, "ring.yaml")
     made = Run.create_or_open("runs", config.name, config.hash8(), CONFIG, dump_resolved(config))
     complete = []
-    for label, half_width in enumerate((0.5, 0.8), start=1):
+    stages = ((0.5, "cylinder"), (0.8, "b = 0.8"))
+    for label, (half_width, stage) in enumerate(stages, start=1):
         with made.writing():
-            made.commit(make_record(label, half_width=half_width))
+            made.commit(make_record(label, half_width=half_width, stage=stage))
         complete += [item["complete"] for item in ribbon_json("ls") if item["short_name"] == "ring"]
     assert complete == [False, True]
 
