@@ -103,7 +103,8 @@ def test_whichever_state_is_lost_the_study_ends_the_same(text, tmp_path, short_s
 
 @pytest.mark.parametrize("parent", [None, 2, 3, 7, 0, -1, 2**62])
 def test_no_parent_that_a_log_names_leads_astray(parent, tmp_path):
-    """Be it nobody, the state itself or one that never was: what is stored is not computed again."""
+    """Be it the state itself or one that never was: that is damage, after whose repair nothing is computed
+    again; nor is it where nobody is named."""
     config = parse_config(CONSTRUCTED + SPECTRUM, "band.yaml")
     first = solve_config(config, tmp_path)
     entries = [event.document for event in first.run.events()]
@@ -111,6 +112,10 @@ def test_no_parent_that_a_log_names_leads_astray(parent, tmp_path):
     assert (freed["state"]["label"], freed["state"]["parent"]) == (2, 1)
     freed["state"]["parent"] = parent
     first.run.log_path.write_bytes(b"".join(map(format_line, entries)))
+    if parent is not None:
+        with pytest.raises(StoreError, match=f"log.jsonl:3: damaged line: state {parent}, the parent of"):
+            solve_config(config, tmp_path)
+        assert first.run.repair()
     again = solve_config(config, tmp_path)
     assert again.new_states == 0
     assert again.targets == first.targets
