@@ -11,7 +11,7 @@ from ribbon_cli.facts import same_value, same_width
 from ribbon_cli.parts import HALF_WIDTH, PARAMETERS
 from ribbon_cli.report.rows import LEADING
 from ribbon_cli.store import Run, Summary
-from ribbon_cli.study.plan import PlannedStage, plan_of
+from ribbon_cli.study.plan import PlannedStage, stages_of
 from ribbon_cli.study.run_config import resolved_config
 
 
@@ -116,4 +116,4 @@ def _is_at(state: Summary, stage: PlannedStage) -> bool:
 
 
 def _equilibria(config: Config) -> tuple[PlannedStage, ...]:
-    return tuple(stage for stage in plan_of(config).stages if stage.kind == "equilibrium")
+    return tuple(stage for stage in stages_of(config) if stage.kind == "equilibrium")

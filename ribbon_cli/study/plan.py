@@ -174,7 +174,29 @@ def start_kind(config: Config, half_width: float | None) -> str:
 
 
 def plan_of(config: Config, given: tuple[float, int] | None = None) -> Plan:
-    """Resolve a config into its stages; `given`: half-width and segments of the state that it starts from."""
+    """Resolve a config into its stages, what they cost and what there is to say of them; `given`: half-width
+    and segments of the state that it starts from."""
+    stages, moves = _stages(config, given)
+    cost = sum(_cost(config, s) for s in stages)
+    what = "" if config.schedule else " in width"
+    halving = f"a step{what} that fails is halved; the additional stages are not counted"
+    notes = (halving,) if moves else ()
+    if (branch := config.arclength) is not None:
+        notes = (*notes, f"a branch takes up to {branch.steps} steps; their cost is not counted")
+    return Plan(
+        tuple(stages),
+        cost,
+        (*guess_notes(config), *angle_notes(config), *notes, *level_notes(config, stages)),
+    )
+
+
+def stages_of(config: Config, given: tuple[float, int] | None = None) -> tuple[PlannedStage, ...]:
+    """The stages alone."""
+    return tuple(_stages(config, given)[0])
+
+
+def _stages(config: Config, given: tuple[float, int] | None) -> tuple[list[PlannedStage], bool]:
+    """The stages, and whether one of them moves a parameter."""
     guess = config.guess
     half_width, first = given or (guess.half_width, guess.segments)
     half_width = None if half_width is None else start_width(config, half_width)
@@ -205,17 +227,7 @@ def plan_of(config: Config, given: tuple[float, int] | None = None) -> Plan:
             stages.append(_stage(meeting(branch, value), "equilibrium", at, first))
         end = {**place, branch.parameter: branch.to}
         stages.append(_stage(_towards(branch), "intermediate", end, first))
-    cost = sum(_cost(config, s) for s in stages)
-    what = "" if config.schedule else " in width"
-    halving = f"a step{what} that fails is halved; the additional stages are not counted"
-    notes = (halving,) if moves else ()
-    if branch is not None:
-        notes = (*notes, f"a branch takes up to {branch.steps} steps; their cost is not counted")
-    return Plan(
-        tuple(stages),
-        cost,
-        (*guess_notes(config), *angle_notes(config), *notes, *level_notes(config, stages)),
-    )
+    return stages, moves
 
 
 def _towards(branch: Arclength) -> str:
@@ -231,7 +243,7 @@ def meeting(branch: Arclength, value: float) -> str:
 
 def angle_notes(config: Config) -> tuple[str, ...]:
     """What angles beyond a whole turn come to: most likely they are meant in degrees."""
-    places = [config.start(), *(leg.to for leg in config.legs)]
+    places = [config.start(), *(leg.to for leg in config.schedule)]
     if (branch := config.arclength) is not None:
         ends = (branch.to, branch.back_to, *branch.at)
         places += [{branch.parameter: value} for value in ends if value is not None]

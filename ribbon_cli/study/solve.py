@@ -25,7 +25,7 @@ from .config_changes import what_changed
 from .failure import Failure, failure_of
 from .journal import run_or_read
 from .outcome import Course, Outcome, Target
-from .plan import Goal, goals, guess_notes, place_name, plan_of, refined_at, start_name, steps_of
+from .plan import Goal, goals, guess_notes, place_name, refined_at, stages_of, start_name, steps_of
 from .progress import Progress, silence
 from .walk import Walk
 
@@ -107,7 +107,7 @@ class _Study:
         argv: Sequence[str],
     ) -> None:
         folder = Path(config.path).parent
-        planned = plan_of(config, None if given is None else _place(given.state)).stages
+        planned = stages_of(config, None if given is None else _place(given.state))
         self.config = config
         self.given = given
         self.walk = Walk(

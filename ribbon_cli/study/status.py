@@ -14,7 +14,7 @@ from ..solver.status import Status
 from ..store import Run, Summary
 from ..store.events import Ended, Event, SurveyFollowed, SurveyStart
 from ..store.lock import Holder
-from .plan import meeting, plan_of, start_name
+from .plan import meeting, stages_of, start_name
 from .removal import by_command
 from .run_config import resolved_config
 
@@ -191,7 +191,7 @@ def _config(run: Run) -> Config | None:
 def _planned(run: Run, config: Config) -> dict[str, Place] | None:
     """The equilibria that a run's config names by their stages, None where they cannot be told."""
     try:
-        stages = plan_of(config, _given(run, config)).stages
+        stages = stages_of(config, _given(run, config))
     except RibbonError:
         return None
     places: dict[str, Place] = {}
