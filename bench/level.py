@@ -25,6 +25,7 @@ from ribbon_cli.solver.newton import Options
 from ribbon_cli.solver.prolongation import phase_of, smooth
 from ribbon_cli.solver.spectra import lowest_spectrum
 from ribbon_cli.solver.status import Result
+from ribbon_cli.study.memory import hold_memory
 
 Facts = dict[str, float | str]
 
@@ -133,7 +134,8 @@ def peers(coarse: State, segments: int) -> Facts:
 
 
 def main(who: str, coarse: str, segments: str, fine: str) -> None:
-    """Do it and print the facts as JSON."""
+    """Do it and print the facts as JSON; memory is held as commands hold it, for both."""
+    hold_memory()
     state, n = kept(Path(coarse)), int(segments)
     facts = ours(state, n, Path(fine)) if who == "ours" else peers(state, n)
     sys.stdout.write(json.dumps(facts) + "\n")

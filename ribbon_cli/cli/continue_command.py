@@ -63,6 +63,7 @@ def continue_(settings: Settings, /, state: str, contact: str | None, **asked: A
     """
     wanted, forces = api.following.request(**asked), api.following.contact_request(contact)
     settings.commits = True
+    study.hold_memory()
     with progress(settings) as shown:
         outcome = study.continue_state(
             settings.root,

@@ -35,6 +35,7 @@ def solve(settings: Settings, config: str, fresh: bool) -> int:
 def run_stages(settings: Settings, config: configs.Config, fresh: bool = False) -> study.Outcome:
     """Solve what a config's run still lacks, with progress shown."""
     settings.commits = True
+    study.hold_memory()
     with progress(settings) as shown:
         return study.solve_config(config, settings.root, fresh=fresh, progress=shown, argv=settings.argv)
 
@@ -60,6 +61,7 @@ def refine(
         raise UsageError("give one of --to N and --levels K")
 
     settings.commits = True
+    study.hold_memory()
     with progress(settings) as shown:
         outcome = study.refine_state(
             settings.root, state, to=to, levels=levels, method=method, progress=shown, argv=settings.argv

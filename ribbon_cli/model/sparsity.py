@@ -16,6 +16,8 @@ IntArray = NDArray[np.int64] | NDArray[np.int32]
 
 COMPACT_FROM = 1 << 20
 """Entries from which places are kept in 4 bytes: then memory counts for more than a conversion's time."""
+PART = 1 << 16
+"""Places in 4 bytes that are taken at once."""
 MOST_ROUNDS = 3
 """Further entries of one place up to which they are taken in turn, which is quicker than to count through."""
 
@@ -31,6 +33,21 @@ def _order(key: IntArray, before: IntArray | None, count: int) -> IntArray:
     columns = scipy.sparse.csc_matrix((entries, sorted_key, pointer), shape=(count, key.size))
     again: IntArray = columns.tocsr().indices
     return again if before is None else before[again]
+
+
+def taken(values: Array, places: IntArray) -> Array:
+    """values[places]; a part after the other where places have 4 bytes.
+
+    numpy makes them 8 bytes wide first. All at once that would take as much memory again as the result, and
+    getting fresh memory longer than the rest.
+    """
+    if places.itemsize == np.intp(0).itemsize:
+        return values.take(places)
+    out = np.empty(places.size)
+    for first in range(0, places.size, PART):
+        part = slice(first, first + PART)
+        values.take(places[part], out=out[part], mode="clip")
+    return out
 
 
 def stretched(one: IntArray, other: IntArray, more: int, nodes: int) -> IntArray:
@@ -88,15 +105,14 @@ class Scatter:
     @cached_property
     def _rounds(self) -> tuple[IntArray, list[tuple[IntArray, IntArray]]] | None:
         """The first entry of each place, and places with the second ones of those that have more, and so on;
-        None where memory counts or many entries share a place."""
-        if self.slot.size > COMPACT_FROM:
-            return None
+        None where many entries share a place."""
         known = self.slot.size - self.zeros
-        order = np.argsort(self.slot[:known], kind="stable")
+        order = _order(self.slot[:known].astype(np.int32, copy=False), None, self.indices.size)
+        order = order.astype(self.slot.dtype, copy=False)
         place = self.slot[order]
         begins = np.flatnonzero(np.diff(place, prepend=-1))
         number = np.arange(known) - np.repeat(begins, np.diff(begins, append=known))
-        first = np.full(self.indices.size, known)  # the value that stands for zeros
+        first: IntArray = np.full(self.indices.size, known, dtype=order.dtype)  # the value that stands for zeros
         first[place[begins]] = order[begins]
         more = [number == k for k in range(1, int(number.max(initial=0)) + 1)]
         if len(more) > MOST_ROUNDS:
@@ -112,7 +128,7 @@ class Scatter:
                 np.float64, copy=False
             )
         first, more = rounds
-        out: Array = values.take(first)
+        out = taken(values, first)
         for places, entries in more:
             out[places] += values.take(entries)
         return out

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from ..model.band import Array
 from ..model.entries import PER_NODE
 from .kkt import BLOCK, FactorisationError, KKTMatrix
+from .threads import mapped
 
 CHUNK = 1024
 """Nodes from one node that is kept to the next: blocks of half as many are 0.6 MB."""
@@ -31,6 +32,7 @@ CONTRACTION = 0.5
 """Power iterations, the rate at which the third of them ends, and the rate below which signs hold."""
 
 Metric = tuple[Array, Array]
+Blocks = tuple[Array, Array, Array, NDArray[np.bool_]]
 _Places = NDArray[np.int64] | slice
 
 
@@ -113,14 +115,15 @@ class _Level:
     right: _Places
     factors: Array
 
-    def forward(self, b: Array, edge: Array) -> None:
-        """Take right-hand sides b (n,12,k) to the nodes that are left, and to the border's `edge`; what the
-        way back needs stays at the others."""
+    def forward(self, b: Array) -> Array:
+        """Take right-hand sides b (n,12,k) to the nodes that are left; what the way back needs stays at the
+        others. Returns what is taken from the border's (c,k)."""
         given = self.factors @ b[self.gone]
         b[self.gone] = given[:, :BLOCK]
         b[self.left] -= given[:, BLOCK : 2 * BLOCK]
         b[self.right] -= given[:, 2 * BLOCK : 3 * BLOCK]
-        edge -= given[:, 3 * BLOCK :].sum(axis=0)
+        taken: Array = given[:, 3 * BLOCK :].sum(axis=0)
+        return taken
 
     def backward(self, x: Array, edge: Array) -> None:
         """From solutions at the nodes that are left, and at the border, to those of the others."""
@@ -158,7 +161,7 @@ class NodeMetric:
 class _Chain:
     """Nodes in a row, or in a ring, as they are eliminated: blocks as in `NodeBlocks`, changed in place.
 
-    `corner` is added to, and shared. `nodes` are those that are left.
+    `nodes` are those that are left, `edges` what each sweep takes from the border's own block.
     """
 
     def __init__(
@@ -167,15 +170,22 @@ class _Chain:
         coupling: Array,
         border: Array,
         held: NDArray[np.bool_],
-        corner: Array,
         *,
         ring: bool,
     ) -> None:
         self.diagonal, self.coupling, self.border, self.held = diagonal, coupling, border, held
-        self.corner, self.ring = corner, ring
+        self.ring = ring
         self.nodes = np.arange(diagonal.shape[0])
         self.levels: list[_Level] = []
+        self.edges: list[Array] = []
+        self.first: tuple[Array, ...] = ()
         self.negative, self.gap = 0, np.inf
+
+    def leave_ends(self, *first: Array) -> None:
+        """Keep the blocks of both ends alone, with those of the first node that were not its own."""
+        self.first = first
+        self.diagonal, self.border = self.diagonal[[0, -1]], self.border[[0, -1]]
+        self.coupling = self.coupling[:1].copy()
 
     def reduce(self, *, keep: bool) -> None:
         """Eliminate all nodes but two, the ends of a row; `keep` what is needed to solve."""
@@ -212,7 +222,7 @@ class _Chain:
         diagonal[right] -= lost[:, other, other]
         border[left] -= lost[:, one, edge]
         border[right] -= lost[:, other, edge]
-        self.corner -= lost[:, edge, edge].sum(axis=0)
+        self.edges.append(lost[:, edge, edge].sum(axis=0))
         coupling[left] = -lost[:, one, other]
         own = vectors * inverse[:, None, :]
         factors = np.concatenate((own, scaled), axis=1) @ np.swapaxes(vectors, 1, 2)
@@ -246,7 +256,7 @@ class BlockReduction:
         self._bounds = [(first, min(first + step, n)) for first in range(0, n, step)]
         self._chains: list[_Chain] = []
         if len(self._bounds) == 1:
-            ring = _Chain(*self._blocks(0, n), corner, ring=True)
+            ring = _Chain(*self._blocks(0, n), ring=True)
         else:
             c = len(self._bounds)
             ring = _Chain(
@@ -254,12 +264,18 @@ class BlockReduction:
                 np.zeros((c, BLOCK, BLOCK)),
                 np.zeros((c, BLOCK, width)),
                 np.zeros(c, dtype=bool),
-                corner,
                 ring=True,
             )
-            for k in range(c):
-                self._join_chain(ring, k, keep=keep)
+            first = self._blocks(*self._bounds[0])  # what all need of the matrix is made by one
+            self._chains = [self._chain(first, keep=keep)]
+            self._chains += mapped(
+                lambda bounds: self._chain(self._blocks(*bounds), keep=keep), self._bounds[1:]
+            )
+            for k, chain in enumerate(self._chains):
+                self._join_chain(ring, k, chain)
         ring.reduce(keep=keep)
+        for lost in ring.edges:
+            corner -= lost
         self._ring, self._beyond = ring, matrix.positions[BLOCK * n :] - BLOCK * n
         last = ring.nodes
         parts = _pivot(_join(ring.diagonal[last], ring.coupling[last], ring.border[last], corner)[None])
@@ -270,7 +286,7 @@ class BlockReduction:
         self.negative: int = ring.negative + parts[2] - matrix.duals - ones
         self.gap = min(ring.gap, parts[3])
 
-    def _blocks(self, first: int, last: int) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
+    def _blocks(self, first: int, last: int) -> Blocks:
         """Blocks of nodes `first` to `last` - 1, shifted, to be changed in place."""
         matrix, shift = self.matrix, self.shift
         diagonal, coupling, border, held = matrix.blocks_between(first, last)
@@ -283,12 +299,13 @@ class BlockReduction:
             coupling[:, :7, :7] -= shift * ahead
         return diagonal, coupling, border, held
 
-    def _join_chain(self, ring: _Chain, k: int, *, keep: bool) -> None:
-        """Reduce chain k to its first node and the next chain's; add what is left to their ring."""
-        after = (k + 1) % len(self._bounds)
-        diagonal, coupling, border, held = self._blocks(*self._bounds[k])
-        ring.diagonal[k] += diagonal[0]
-        ring.border[k] += border[0]
+    def _chain(self, blocks: Blocks, *, keep: bool) -> _Chain:
+        """Reduce nodes in a row, with the node after them, to their first and that one.
+
+        The blocks of the first node itself are left to the ring: they go to where the chain before ends, too.
+        """
+        diagonal, coupling, border, held = blocks
+        first = diagonal[0].copy(), border[0].copy()
         diagonal[0], border[0] = 0.0, 0.0
         end = np.zeros((1, BLOCK, BLOCK))
         chain = _Chain(
@@ -296,20 +313,27 @@ class BlockReduction:
             np.concatenate((coupling, end)),
             np.concatenate((border, np.zeros((1, *border.shape[1:])))),
             np.append(held, False),
-            ring.corner,
             ring=False,
         )
         chain.reduce(keep=keep)
-        ring.diagonal[k] += chain.diagonal[0]
-        ring.border[k] += chain.border[0]
-        ring.diagonal[after] += chain.diagonal[-1]
-        ring.border[after] += chain.border[-1]
+        chain.leave_ends(*first)
+        return chain
+
+    def _join_chain(self, ring: _Chain, k: int, chain: _Chain) -> None:
+        """Add what is left of chain k to the ring of the chains' first nodes."""
+        after = (k + 1) % len(self._bounds)
+        for one, first, ends in (
+            (ring.diagonal, chain.first[0], chain.diagonal),
+            (ring.border, chain.first[1], chain.border),
+        ):
+            one[k] += first
+            one[k] += ends[0]
+            one[after] += ends[1]
         ring.coupling[k] = chain.coupling[0]
         ring.held[k] = chain.held[0]
+        ring.edges += chain.edges
         ring.negative += chain.negative
         ring.gap = min(ring.gap, chain.gap)
-        chain.diagonal = chain.coupling = chain.border = np.empty(0)
-        self._chains.append(chain)
 
     @cached_property
     def inertia(self) -> Inertia:
@@ -335,35 +359,64 @@ class BlockReduction:
     def solve(self, rhs: Array) -> Array:
         """Solve the scaled system for rhs (n+m+r,) or (n+m+r, k)."""
         columns = rhs.reshape(rhs.shape[0], -1)
-        size, count = self.matrix.size, columns.shape[1]
-        n = size // 7
-        # Behind the last node stands the first once more, as the end of the last chain.
-        b = np.zeros((n + 1, BLOCK, count))
-        b[:-1, :7] = columns[:size].reshape(n, 7, count)
-        b[:-1, 7:] = columns[size : BLOCK * n].reshape(n, PER_NODE, count)
-        edge = np.empty((self._beyond.size, count))
-        edge[self._beyond] = columns[BLOCK * n :]
-        parts = [b[first : last + 1] for first, last in self._bounds] if self._chains else []
-        for chain, part in zip(self._chains, parts, strict=True):
-            for level in chain.levels:
-                level.forward(part, edge)
-        b[0] += b[-1]
-        ring = b[: -1 : self._bounds[0][1]] if self._chains else b[:-1]
-        self._solve_ring(ring, edge)
-        b[-1] = b[0]
-        for chain, part in zip(self._chains, parts, strict=True):
-            for level in reversed(chain.levels):
-                level.backward(part, edge)
         out = np.empty_like(columns)
-        out[:size].reshape(n, 7, count)[:] = b[:-1, :7]
-        out[size : BLOCK * n].reshape(n, PER_NODE, count)[:] = b[:-1, 7:]
-        out[BLOCK * n :] = edge[self._beyond]
+        tail = BLOCK * (self.matrix.size // 7)
+        edge = np.empty((self._beyond.size, columns.shape[1]))
+        edge[self._beyond] = columns[tail:]
+        if self._chains:
+            self._solve_chains(columns, edge, out)
+        else:
+            ring = self._by_node(columns, *self._bounds[0])
+            self._solve_ring(ring, edge)
+            self._put(ring, *self._bounds[0], out)
+        out[tail:] = edge[self._beyond]
         return out.reshape(rhs.shape)
+
+    def _by_node(self, columns: Array, first: int, last: int, more: int = 0) -> Array:
+        """Right-hand sides (n,12,k) of nodes `first` to `last` - 1, and zeros for as many more."""
+        size, count = self.matrix.size, last - first
+        b = np.zeros((count + more, BLOCK, columns.shape[1]))
+        b[:count, :7] = columns[7 * first : 7 * last].reshape(count, 7, -1)
+        rows = slice(size + PER_NODE * first, size + PER_NODE * last)
+        b[:count, 7:] = columns[rows].reshape(count, PER_NODE, -1)
+        return b
+
+    def _put(self, x: Array, first: int, last: int, out: Array) -> None:
+        """Put what is known at nodes `first` to `last` - 1 to its place."""
+        size, count = self.matrix.size, last - first
+        out[7 * first : 7 * last].reshape(count, 7, -1)[:] = x[:, :7]
+        rows = slice(size + PER_NODE * first, size + PER_NODE * last)
+        out[rows].reshape(count, PER_NODE, -1)[:] = x[:, 7:]
+
+    def _solve_chains(self, columns: Array, edge: Array, out: Array) -> None:
+        """Solve for all nodes and for the border's `edge`, chain by chain: each takes to the first node of
+        the next what that node adds up."""
+
+        def forward(k: int) -> tuple[Array, list[Array]]:
+            part = self._by_node(columns, *self._bounds[k], more=1)
+            return part, [level.forward(part) for level in self._chains[k].levels]
+
+        def backward(k: int) -> None:
+            part = parts[k]
+            part[0], part[-1] = ring[k], ring[(k + 1) % len(parts)]
+            for level in reversed(self._chains[k].levels):
+                level.backward(part, edge)
+            self._put(part[:-1], *self._bounds[k], out)
+
+        found = mapped(forward, range(len(self._chains)))
+        parts = [part for part, _ in found]
+        ring = np.array([part[0] for part in parts])
+        ring += np.array([parts[k - 1][-1] for k in range(len(parts))])
+        for _, taken in found:
+            for each in taken:
+                edge -= each
+        self._solve_ring(ring, edge)
+        mapped(backward, range(len(parts)))
 
     def _solve_ring(self, b: Array, edge: Array) -> None:
         """Solve for right-hand sides b (n,12,k) of a ring and for those of the border, in place."""
         for level in self._ring.levels:
-            level.forward(b, edge)
+            edge -= level.forward(b)
         left = self._ring.nodes
         vectors, inverse = self._last
         known = np.concatenate((b[left].reshape(-1, b.shape[2]), edge))

@@ -14,12 +14,12 @@ from functools import cached_property, lru_cache
 import numpy as np
 import scipy
 from numpy.typing import NDArray
-from scipy.sparse._sparsetools import csr_matvec
+from scipy.sparse._sparsetools import csc_matvec, csc_matvecs, csr_matvec, csr_matvecs
 
 from ..model.band import Array, Band
 from ..model.entries import JACOBIAN_COLUMNS, JACOBIAN_ROWS, PER_NODE, hessian_places
 from ..model.problem import END_ROW, Layout, LocalDerivatives, Problem
-from ..model.sparsity import COMPACT_FROM, IntArray, Scatter, stretched
+from ..model.sparsity import COMPACT_FROM, IntArray, Scatter, stretched, taken
 from ..model.stencil import Seam, indices
 from .ldl import Ldl, Symbolic
 
@@ -49,7 +49,8 @@ class Pattern:
 
     `diagonal` are the places of the diagonal in the upper triangle's data, which becomes the whole matrix's
     by data[whole_source]; the matrices are empty ones to fill. `idle` factors share this pattern's `symbolic`
-    part. `chains` are places of nodes in a row by their first node and their number.
+    part. `chains` are places of nodes in a row by their first node and their number, `scales` the scaling of a
+    band.
     """
 
     upper: Scatter
@@ -60,6 +61,7 @@ class Pattern:
     symbolic: list[Symbolic] = field(default_factory=list)
     idle: list[Ldl] = field(default_factory=list)
     chains: dict[tuple[int, int], list[Places]] = field(default_factory=dict)
+    scales: dict[Band, tuple[Array, Array]] = field(default_factory=dict)
 
     def forget(self) -> None:
         """Let symbolic factorisations go."""
@@ -198,17 +200,15 @@ def _filled(like: scipy.sparse.spmatrix, data: Array) -> scipy.sparse.spmatrix:
 
 
 def _scales(band: Band, seam: Seam, pattern: Pattern, rotations: int) -> tuple[Array, Array]:
-    """The scaling of rows and columns, and its effect on the entries of the upper triangle."""
-    return (_made_scales if band.segments > FINE else _kept_scales)(band, seam, pattern, rotations)
-
-
-def _made_scales(band: Band, seam: Seam, pattern: Pattern, rotations: int) -> tuple[Array, Array]:
-    scale = scaling(band, seam, rotations)
-    of_columns = np.repeat(scale, np.diff(pattern.upper.indptr))
-    return scale, scale.take(pattern.upper.indices) * of_columns
-
-
-_kept_scales = lru_cache(maxsize=16)(_made_scales)
+    """The scaling of rows and columns, and its effect on the entries of the upper triangle; the pattern keeps
+    the last."""
+    if band not in pattern.scales:
+        scale = scaling(band, seam, rotations)
+        of_columns = np.repeat(scale, np.diff(pattern.upper.indptr))
+        of_columns *= taken(scale, pattern.upper.indices)
+        pattern.scales.clear()
+        pattern.scales[band] = scale, of_columns
+    return pattern.scales[band]
 
 
 def scaling(band: Band, seam: Seam, rotations: int) -> Array:
@@ -289,7 +289,7 @@ class KKTMatrix:
     @cached_property
     def whole(self) -> scipy.sparse.csr_matrix:
         """The whole symmetric matrix, made when it is first asked for: parts of other matrices do without."""
-        return _filled(self.pattern.whole_matrix, self.upper.data.take(self.pattern.whole_source))
+        return _filled(self.pattern.whole_matrix, taken(self.upper.data, self.pattern.whole_source))
 
     @cached_property
     def node_blocks(self) -> NodeBlocks:
@@ -343,6 +343,8 @@ class KKTMatrix:
 
     def product(self, v: Array) -> Array:
         """Scaled K v, for v (n+m+r,) or (n+m+r, k)."""
+        if self.size > 7 * FINE:
+            return self._product_by_halves(v)
         if v.ndim == 2:
             return np.asarray(self.whole @ v)
         whole, out = self.whole, np.zeros(v.size)
@@ -350,16 +352,32 @@ class KKTMatrix:
         csr_matvec(v.size, v.size, whole.indptr, whole.indices, whole.data, v, out)
         return out
 
+    def _product_by_halves(self, v: Array) -> Array:
+        """The same by the upper triangle, read twice: making the whole matrix would take three products."""
+        upper, out = self.upper, np.zeros(v.shape)
+        rows, pattern = v.shape[0], (upper.indptr, upper.indices, upper.data)
+        if v.ndim == 2:
+            csc_matvecs(rows, rows, v.shape[1], *pattern, v.ravel(), out.ravel())
+            csr_matvecs(rows, rows, v.shape[1], *pattern, v.ravel(), out.ravel())
+            out -= upper.data[self.pattern.diagonal][:, None] * v
+        else:
+            csc_matvec(rows, rows, *pattern, v, out)
+            csr_matvec(rows, rows, *pattern, v, out)
+            out -= upper.data[self.pattern.diagonal] * v
+        return out
+
     def extended_product(self, v: Array) -> NDArray[np.longdouble]:
-        """Scaled K v, for v (n+m+r,), in extended precision, a few rows after the other."""
-        whole, extended = self.whole, v.astype(np.longdouble)
-        out = np.zeros(v.size, dtype=np.longdouble)
+        """Scaled K v, for v (n+m+r,), in extended precision, a few columns of the upper triangle after the
+        other."""
+        upper, extended = self.upper, v.astype(np.longdouble)
+        out = -upper.data[self.pattern.diagonal].astype(np.longdouble) * extended
         for first in range(0, v.size, ROWS_AT_ONCE):
-            rows = out[first : first + ROWS_AT_ONCE]
-            pointer = whole.indptr[first : first + rows.size + 1]
+            last = min(first + ROWS_AT_ONCE, v.size)
+            pointer = upper.indptr[first : last + 1]
             some = slice(pointer[0], pointer[-1])
-            data = whole.data[some].astype(np.longdouble)
-            csr_matvec(rows.size, v.size, pointer - pointer[0], whole.indices[some], data, extended, rows)
+            part = (pointer - pointer[0], upper.indices[some], upper.data[some].astype(np.longdouble))
+            csr_matvec(last - first, v.size, *part, extended, out[first:last])
+            csc_matvec(v.size, last - first, *part, extended[first:last], out)
         return out
 
     def regularised(self, shift: float, delta: float) -> scipy.sparse.csc_matrix:

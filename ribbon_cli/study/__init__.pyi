@@ -1,5 +1,6 @@
 from .branch_tables import courses as courses
 from .given import given_band as given_band
+from .memory import hold_memory as hold_memory
 from .onward import continue_state as continue_state
 from .outcome import Course as Course
 from .outcome import CoursePoint as CoursePoint
