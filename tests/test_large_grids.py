@@ -5,6 +5,8 @@ Most tests lower the limits from which grids count as fine, so that coarse ones 
 
 from __future__ import annotations
 
+import threading
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import pairwise
@@ -22,13 +24,13 @@ from ribbon_cli.config import parse_config
 from ribbon_cli.model.band import Band, Discretisation, State
 from ribbon_cli.model.folding import ClosureError, xi_between
 from ribbon_cli.model.problem import Layout, Problem
-from ribbon_cli.model.sparsity import Scatter
+from ribbon_cli.model.sparsity import Scatter, taken
 from ribbon_cli.model.stencil import Seam
 from ribbon_cli.model.term import Couplings
-from ribbon_cli.solver import continuation, inertia, kkt, ldl, linear, newton, pencil, spectra
+from ribbon_cli.solver import continuation, inertia, kkt, ldl, linear, newton, pencil, spectra, threads
 from ribbon_cli.solver.continuation import to_segments
 from ribbon_cli.solver.inertia import BlockReduction, count_below
-from ribbon_cli.solver.kkt import KKTMatrix
+from ribbon_cli.solver.kkt import FactorisationError, KKTMatrix
 from ribbon_cli.solver.linear import Factor
 from ribbon_cli.solver.newton import Options, solve
 from ribbon_cli.solver.prolongation import Phase, smooth
@@ -102,6 +104,70 @@ def test_blocks_of_a_part_are_those_of_the_whole() -> None:
     for first, last in ((0, 16), (16, 49), (49, 50)):
         for part, every in zip(matrix.blocks_between(first, last), whole, strict=True):
             np.testing.assert_array_equal(part, every[first:last])
+
+
+@pytest.mark.parametrize("cores", [1, 2, 3])
+def test_chains_give_the_same_bits_on_any_number_of_cores(
+    cores: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    matrix = disturbed("pi-b0.5-N50")
+    rhs = np.random.default_rng(6).standard_normal((matrix.size + matrix.border, 2))
+    monkeypatch.setattr(inertia, "CHUNK", 7)
+    monkeypatch.setattr(threads, "cores", lambda: cores)
+    here = BlockReduction(matrix, 0.1)
+    monkeypatch.setattr(threads, "cores", lambda: 1)
+    alone = BlockReduction(matrix, 0.1)
+    assert (here.negative, here.gap, here.inertia) == (alone.negative, alone.gap, alone.inertia)
+    monkeypatch.setattr(threads, "cores", lambda: cores)
+    np.testing.assert_array_equal(here.solve(rhs), alone.solve(rhs))
+
+
+def test_threads_keep_order_and_floating_point_errors_and_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(threads, "cores", lambda: 3)
+    with np.errstate(divide="ignore"):
+        found = threads.mapped(lambda k: float(np.ones(1)[0] / np.float64(k)), range(50))
+    assert found == [np.inf, *(1.0 / k for k in range(1, 50))]
+    assert threading.active_count() == 1
+
+
+def test_what_a_thread_raises_is_raised_and_the_rest_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(threads, "cores", lambda: 2)
+    begun = []
+
+    def call(k: int) -> None:
+        begun.append(k)
+        if k == 1:
+            raise FactorisationError("singular")
+        time.sleep(0.01)
+
+    with pytest.raises(FactorisationError, match="singular"):
+        threads.mapped(call, range(500))
+    assert len(begun) < 500
+
+
+# --- products ---
+
+
+def test_products_of_fine_grids_are_those_of_the_whole_matrix() -> None:
+    """By the upper triangle, read twice; of the gauge and of held rulings as well."""
+    for name in ("pi-b0.5-N50", "held 50"):
+        matrix = disturbed(name)
+        size = matrix.size
+        whole = matrix.whole.toarray()
+        for shape in ((), (3,)):
+            v = np.random.default_rng(7).standard_normal((size + matrix.border, *shape))
+            expected = whole @ v
+            found = matrix._product_by_halves(v)
+            np.testing.assert_allclose(found, expected, atol=1e-13 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("count", [0, 3, 1000])
+def test_places_in_four_bytes_are_taken_part_by_part(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("ribbon_cli.model.sparsity.PART", 64)
+    rng = np.random.default_rng(8)
+    values, places = rng.standard_normal(30), rng.integers(0, 30, count)
+    for kind in (np.int32, np.int64):
+        np.testing.assert_array_equal(taken(values, places.astype(kind)), values[places])
 
 
 # --- roundoff ---

@@ -13,6 +13,7 @@ from tempfile import mkdtemp
 import pytest
 from store_support import make_record
 
+from ribbon_cli.analysis import run_table
 from ribbon_cli.config import Config, ConfigError, parse_config
 from ribbon_cli.errors import LockedError, UsageError
 from ribbon_cli.store import Run, encode
@@ -328,6 +329,20 @@ def test_refinement_by_hand(tmp_path: Path) -> None:
     assert refine_state(tmp_path, ref, levels=2).new_states == 0
     parents = {s.label: s.parent for s in split.run.states(all=True)}
     assert parents[smooth.targets[0].label] == label
+
+
+def test_levels_on_the_way_stand_in_the_convergence_table(tmp_path: Path) -> None:
+    """As if each level had been asked for: the order is seen, and the limit has its error bar."""
+    runs = [solve_small(tmp_path / name) for name in ("to", "levels")]
+    ref = f"{runs[0].run.name}:{runs[0].targets[0].label}"
+    refine_state(tmp_path / "to", ref, to=160)
+    refine_state(tmp_path / "levels", ref, levels=3)
+    passed, asked = (run_table(outcome.run) for outcome in runs)
+    assert [row.segments for row in passed.rows] == [20, 40, 80, 160]
+    assert passed.extrapolations == asked.extrapolations
+    assert passed.extrapolations[0].error is not None
+    kinds = [state.kind for state in runs[0].run.states(all=True) if state.segments in (40, 80)]
+    assert kinds == ["intermediate", "intermediate"]
 
 
 def test_a_refinement_that_exists_is_named_and_not_stored_again(tmp_path: Path) -> None:

@@ -10,22 +10,28 @@ from ribbon_cli import analysis
 from ..facts import OTHER_MINIMA
 from ..report.convergence import Entry, Table, convergence_rows
 from ..store import Run, Summary
-from ..store.refs import Place, by_place, meant
+from ..store.refs import Place, by_place, meant, regridded
 from ..store.summaries import varying
 
 
 def table_entries(run: Run) -> list[Entry]:
     """One entry for each width and number of segments: the latest certified equilibrium, else the latest.
 
+    Where there is none, a certified level that one was refined through, which is kept as intermediate.
+
     Half-widths that are one are written alike, as the smallest of them. An entry that is not on the branch of
     the one with half its segments says so in `breaks`. That is read off parents and their events; where they
     do not lead there, the two states are compared.
     """
     named = varying(run.states())
-    places = sorted(by_place(run.states()).items(), key=lambda item: item[1][0].label)
+    states = {state.label: state for state in run.states(all=True)}
+    passed = {level.label: level for state in run.states() for level in _passed(states, state)}
+    found = by_place(sorted([*run.states(), *passed.values()], key=lambda state: state.label))
+    for place, group in found.items():
+        found[place] = [state for state in group if state.label not in passed] or group
+    places = sorted(found.items(), key=lambda item: item[1][0].label)
     chosen = {place: meant(group) for place, group in places}
     at = {state.label: place for place, group in places for state in group}
-    states = {state.label: state for state in run.states(all=True)}
     return [
         Entry(
             place.half_width,
@@ -38,6 +44,21 @@ def table_entries(run: Run) -> list[Entry]:
         )
         for place, fine in chosen.items()
     ]
+
+
+def _passed(states: Mapping[int, Summary], fine: Summary) -> list[Summary]:
+    """The levels on the way from which a state was refined, grid by grid, without meeting another minimum."""
+    levels: list[Summary] = []
+    child = fine
+    while OTHER_MINIMA.isdisjoint(child.event_kinds):
+        parent = None if child.parent is None else states.get(child.parent)
+        if parent is None or parent.kind != "intermediate" or not parent.certified:
+            break
+        if not regridded(parent, child):
+            break
+        levels.append(parent)
+        child = parent
+    return levels
 
 
 def run_table(run: Run) -> Table:

@@ -108,11 +108,13 @@ class Scatter:
         None where many entries share a place."""
         known = self.slot.size - self.zeros
         order = _order(self.slot[:known].astype(np.int32, copy=False), None, self.indices.size)
-        order = order.astype(self.slot.dtype, copy=False)
+        order = order if self.slot.itemsize == order.itemsize else order.astype(np.int64)
         place = self.slot[order]
         begins = np.flatnonzero(np.diff(place, prepend=-1))
         number = np.arange(known) - np.repeat(begins, np.diff(begins, append=known))
-        first: IntArray = np.full(self.indices.size, known, dtype=order.dtype)  # the value that stands for zeros
+        first: IntArray = np.full(
+            self.indices.size, known, dtype=order.dtype
+        )  # the value that stands for zeros
         first[place[begins]] = order[begins]
         more = [number == k for k in range(1, int(number.max(initial=0)) + 1)]
         if len(more) > MOST_ROUNDS:

@@ -49,8 +49,8 @@ class Pattern:
 
     `diagonal` are the places of the diagonal in the upper triangle's data, which becomes the whole matrix's
     by data[whole_source]; the matrices are empty ones to fill. `idle` factors share this pattern's `symbolic`
-    part. `chains` are places of nodes in a row by their first node and their number, `scales` the scaling of a
-    band.
+    part. `chains` are places of nodes in a row by their first node and their number, `scales` the scaling of
+    a band.
     """
 
     upper: Scatter
@@ -370,7 +370,7 @@ class KKTMatrix:
         """Scaled K v, for v (n+m+r,), in extended precision, a few columns of the upper triangle after the
         other."""
         upper, extended = self.upper, v.astype(np.longdouble)
-        out = -upper.data[self.pattern.diagonal].astype(np.longdouble) * extended
+        out: NDArray[np.longdouble] = -upper.data[self.pattern.diagonal] * extended
         for first in range(0, v.size, ROWS_AT_ONCE):
             last = min(first + ROWS_AT_ONCE, v.size)
             pointer = upper.indptr[first : last + 1]

@@ -11,7 +11,7 @@ from typing import NamedTuple
 from ribbon_cli import config as configs
 from ribbon_cli.errors import RibbonError, UsageError
 from ribbon_cli.expression import evaluate
-from ribbon_cli.facts import same_value
+from ribbon_cli.facts import same_value, same_width
 from ribbon_cli.parts import HALF_WIDTH, PARAMETERS
 from ribbon_cli.store.folder import RESOLVED, is_run
 from ribbon_cli.store.root import named
@@ -207,6 +207,11 @@ def meant(states: Sequence[Summary]) -> Summary:
     """
     certified = [state for state in states if state.certified]
     return max(reversed(certified or states), key=lambda state: state.segments)
+
+
+def regridded(before: Summary, after: Summary) -> bool:
+    """Whether a step led to another N at the same width."""
+    return same_width(before.half_width, after.half_width) and before.segments != after.segments
 
 
 class Place(NamedTuple):

@@ -8,11 +8,11 @@ from typing import Literal
 
 from ..config import SpectrumRequest
 from ..errors import RibbonError, UsageError
-from ..facts import OTHER_MINIMA, same_width
+from ..facts import OTHER_MINIMA
 from ..keys import SEGMENTS
 from ..recipes.eversion import not_everted
 from ..store import Run, StateRecord, Summary, resolve_state
-from ..store.refs import meant
+from ..store.refs import meant, regridded
 from .failure import Failure
 from .journal import run_or_read
 from .outcome import Outcome, Target
@@ -138,7 +138,7 @@ def _relatives(run: Run, label: int) -> list[Summary]:
     links = [
         (state.label, state.parent, not OTHER_MINIMA.isdisjoint(state.event_kinds))
         for state in states.values()
-        if state.parent in states and _regridded(states[state.parent], state)
+        if state.parent in states and regridded(states[state.parent], state)
     ]
     for child, parent, _ in links:  # parents come before their children
         own |= {child} if parent in own else set()
@@ -149,11 +149,6 @@ def _relatives(run: Run, label: int) -> list[Summary]:
             if not other and states[label].certified and (child in found) != (parent in found):
                 found |= {child, parent}
     return [state for key, state in states.items() if key in found | own and state.certified]
-
-
-def _regridded(before: Summary, after: Summary) -> bool:
-    """Whether a step led to another N at the same width."""
-    return same_width(before.half_width, after.half_width) and before.segments != after.segments
 
 
 def _grids(ref: str, segments: int, to: int | None, levels: int | None, method: str) -> list[int]:
