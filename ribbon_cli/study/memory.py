@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 import sys
 
-_TRIM_THRESHOLD, _MMAP_MAX = -1, -4
+_TRIM_THRESHOLD, _MMAP_MAX, _ARENA_MAX = -1, -4, -8
 """mallopt(3): how much may be free at the heap's end, and how many pieces may have a mapping of their own."""
 _MOST_FREE = 1 << 30
 
@@ -22,4 +22,5 @@ def hold_memory() -> None:
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
     if mallopt is not None:
         mallopt(_MMAP_MAX, 0)
+        mallopt(_ARENA_MAX, 1)
         mallopt(_TRIM_THRESHOLD, _MOST_FREE)
