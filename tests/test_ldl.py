@@ -26,7 +26,7 @@ def _kkt() -> KKTMatrix:
 
 def _both() -> tuple[ldl.Functions, ldl.Objects]:
     objects = ldl.Objects(_matrix())
-    symbolic = ldl.Symbolic(_matrix(), objects.solver)
+    symbolic = ldl.Symbolic(_matrix(), objects.solver.factors())
     assert symbolic.known
     return ldl.Functions(symbolic), objects
 

@@ -22,7 +22,7 @@ MOST_ROUNDS = 3
 """Further entries of one place up to which they are taken in turn, which is quicker than to count through."""
 
 
-def _order(key: IntArray, before: IntArray | None, count: int) -> IntArray:
+def sorted_by(key: IntArray, count: int, before: IntArray | None = None) -> IntArray:
     """Indices that sort a key (E,) of numbers from 0 to `count` - 1, equal ones in an order `before` (E,).
 
     A matrix with one entry a column, in the row of its key, is sorted by counting where it is transposed.
@@ -90,7 +90,7 @@ class Scatter:
     ) -> Scatter:
         """Build the pattern from the entries' rows and columns, both (E,)."""
         below, beside = rows.astype(np.int32), columns.astype(np.int32)
-        order = _order(beside, _order(below, None, shape[0]), shape[1])
+        order = sorted_by(beside, shape[1], sorted_by(below, shape[0]))
         row, column = below[order], beside[order]
         first = np.ones(order.size, dtype=bool)
         first[1:] = (row[1:] != row[:-1]) | (column[1:] != column[:-1])
@@ -107,7 +107,7 @@ class Scatter:
         """The first entry of each place, and places with the second ones of those that have more, and so on;
         None where many entries share a place."""
         known = self.slot.size - self.zeros
-        order = _order(self.slot[:known].astype(np.int32, copy=False), None, self.indices.size)
+        order = sorted_by(self.slot[:known].astype(np.int32, copy=False), self.indices.size)
         order = order if self.slot.itemsize == order.itemsize else order.astype(np.int64)
         place = self.slot[order]
         begins = np.flatnonzero(np.diff(place, prepend=-1))

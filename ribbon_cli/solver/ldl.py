@@ -18,11 +18,14 @@ import qdldl
 import scipy
 
 from ..model.band import Array
-from ..model.sparsity import IntArray
+from ..model.sparsity import IntArray, sorted_by
 
 KNOWN = ("0.1.7.post5", "0.1.9.post1")
 """Versions of qdldl that were tried: their functions take whole numbers of 8 bytes, and booleans of 8 at
 most."""
+
+
+Factored = tuple[scipy.sparse.csc_matrix, Array, IntArray]
 
 
 class Ldl(Protocol):
@@ -64,11 +67,12 @@ class Objects:
 class Symbolic:
     """The symbolic part of a pattern for the C functions, in the order that a solver of qdldl's chose.
 
-    `known` is whether they give that solver's factors, to the last bit.
+    `factored` is what that solver found for a matrix: L, the pivots and the order. `first` are the factors of
+    the same matrix by the functions, None where these do not give that solver's, to the last bit.
     """
 
-    def __init__(self, upper: scipy.sparse.csc_matrix, solver: qdldl.Solver) -> None:
-        below, pivots, order = solver.factors()
+    def __init__(self, upper: scipy.sparse.csc_matrix, factored: Factored) -> None:
+        below, pivots, order = factored
         size = upper.shape[0]
         self.order = np.asarray(order, dtype=np.int64)
         self.place = np.empty(size, dtype=np.int64)
@@ -76,11 +80,12 @@ class Symbolic:
         one = self.place[upper.indices]
         other = self.place[np.repeat(np.arange(size), np.diff(upper.indptr))]
         column = np.maximum(one, other)
-        self.source = np.argsort(column, kind="stable")
+        self.source = sorted_by(column.astype(np.int32), size).astype(np.int64)
         self.rows = np.minimum(one, other)[self.source]
         self.starts = np.zeros(size + 1, dtype=np.int64)
         np.cumsum(np.bincount(column, minlength=size), out=self.starts[1:])
         self.lengths, self.tree, work = (np.zeros(size, dtype=np.int64) for _ in range(3))
+        self.first: Functions | None = None
         self.known = False
         library = _library()
         if library is None:
@@ -92,6 +97,15 @@ class Symbolic:
         first.update(upper)
         mine, theirs = (first.first, first.below, first.values, first.pivots), (below.indptr, below.indices)
         self.known = all(map(np.array_equal, mine, (*theirs, below.data, np.asarray(pivots))))
+        self.first = first if self.known else None
+
+    def factors(self, upper: scipy.sparse.csc_matrix, *, same: bool) -> Functions:
+        """Factors of a matrix; `same` says that it is the one that this was made from."""
+        out, self.first = self.first, None
+        if out is None or not same:
+            out = Functions(self)
+            out.update(upper)
+        return out
 
 
 class Functions:
@@ -131,31 +145,33 @@ class Functions:
         return out
 
 
-def factors(upper: scipy.sparse.csc_matrix, symbolic: list[Symbolic]) -> Ldl:
+def factors(upper: scipy.sparse.csc_matrix, symbolic: list[Symbolic], *, again: bool = False) -> Ldl:
     """Factors of a matrix while none of its pattern are free to be made anew.
 
-    `symbolic` is the pattern's symbolic part, empty before it is made. Raises RuntimeError where the matrix
-    has a zero pivot, unless that is made.
+    `symbolic` is the pattern's symbolic part, empty before it is made: with the second factors, since many
+    patterns of contacts serve once, or at once where it is known that they serve `again`. Raises RuntimeError
+    where the matrix has a zero pivot, unless the symbolic part is made.
     """
-    if not (symbolic and symbolic[0].known):
-        return Objects(upper)
-    out = Functions(symbolic[0])
-    out.update(upper)
-    return out
+    if again and not symbolic and _library() is not None:
+        symbolic.append(Symbolic(upper, Objects(upper).solver.factors()))  # the object itself is gone by then
+        if symbolic[0].known:
+            return symbolic[0].factors(upper, same=True)
+    return symbolic[0].factors(upper, same=False) if _known(symbolic) else Objects(upper)
 
 
-def factored_again(ldl: Ldl, upper: scipy.sparse.csc_matrix, symbolic: list[Symbolic], *, keep: bool) -> Ldl:
-    """The factors made anew for another matrix of the pattern, or others in their place.
-
-    The symbolic part is made here, since many patterns of contacts serve once; not without `keep`, where
-    memory counts.
-    """
+def factored_again(ldl: Ldl, upper: scipy.sparse.csc_matrix, symbolic: list[Symbolic]) -> Ldl:
+    """The factors made anew for another matrix of the pattern, or others in their place."""
     ldl.update(upper)
-    if keep and not symbolic and isinstance(ldl, Objects) and _library() is not None:
-        if ldl.positive() is None:
-            return ldl
-        symbolic.append(Symbolic(upper, ldl.solver))
-    return factors(upper, symbolic) if isinstance(ldl, Objects) and symbolic and symbolic[0].known else ldl
+    if not isinstance(ldl, Objects) or _library() is None:
+        return ldl
+    made = not symbolic and ldl.positive() is not None
+    if made:
+        symbolic.append(Symbolic(upper, ldl.solver.factors()))
+    return symbolic[0].factors(upper, same=made) if _known(symbolic) else ldl
+
+
+def _known(symbolic: list[Symbolic]) -> bool:
+    return bool(symbolic) and symbolic[0].known
 
 
 @lru_cache(maxsize=1)

@@ -102,9 +102,9 @@ class Factor:
         try:
             known = self.matrix.pattern.symbolic
             if self._solver is None:
-                self._solver = factors(upper, known)
+                self._solver = factors(upper, known, again=self._large)
             else:
-                self._solver = factored_again(self._solver, upper, known, keep=not self._large)
+                self._solver = factored_again(self._solver, upper, known)
             # Counting pivots may take a copy of L.
             self._found = self._definite or self._solver.positive() is not None
         except RuntimeError:
