@@ -2,11 +2,11 @@
 # Guess: HDFStore.select("runs", where="energy > 1") gives the rows that frame[frame.energy > 1] gives. A comparison
 #   with NaN is false, so that a run without a result is left out, and no other.
 # Version: pandas 3.1.1, tables 3.11.1, numpy 2.4.6.
-# Behaviour: in a table of more than about 140000 rows a single NaN hides rows from ">": of 140000 rows 0.6 % are
-#   found. "<" is right, and so is a smaller table, which is what a test would have. pandas gives each column of
-#   data_columns an index of PyTables. This is made of sorted slices, with NaN last, and a slice with NaN may
-#   be taken to hold nothing. Table.read_where of PyTables is right before create_index(), and does the same
-#   after it. There is no message.
+# Behaviour: in a table of 140000 rows a single NaN hides all but 0.6 % of those that ">" should find. "<" is right, and
+#   so is a smaller table, which is what a test would have. pandas gives each column of data_columns an index of
+#   PyTables. Beyond 131072 rows, or somewhat more, this has sorted slices, with NaN last, and a slice with NaN may be
+#   taken to hold nothing. Table.read_where of PyTables is right before create_index(), and does the same after it.
+#   There is no message.
 # What to do: append(..., index=False); or keep NaN out of columns that are searched, say with a column "failed".
 # Seen (rows found by pandas in memory, by HDFStore.select, by HDFStore.select without index):
 #   rows     NaN  query         frame  select  index=False

@@ -1,6 +1,6 @@
 #!/bin/sh
 # Guess: the natural frequencies of a beam do not depend on the unit of length, and tend to a limit when it is divided
-#   into more members. analyze_modal says: "Any loads applied in this direction will be converted to mass."
+#   into more members. analyze_modal says: "Any loads applied in this direction [...] will be converted to mass."
 # Version: PyNiteFEA 3.2.0, numpy 2.4.6, scipy 1.17.1.
 # Behaviour: a member's load is lumped to its ends as m (1 - x) / L where m (L - x) / L is meant: a length is subtracted
 #   from 1. For a uniform load, x = L / 2, the first end gets too much below L = 1, nothing at L = 2, and a negative
