@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 from ribbon_cli.api.extras import extra
 from ribbon_cli.report.rows import Column, Rows
 from ribbon_cli.store import Run, Summary
-from ribbon_cli.store.layout import BRANCH, STATE
-from ribbon_cli.store.record import REACTIONS
+from ribbon_cli.store.layout import BRANCH, REACTIONS, STATE
 from ribbon_cli.store.summaries import OF_CONTACTS, varying
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ import hashlib
 import os
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ribbon_cli.errors import StoreError
 from ribbon_cli.store import configs, log
@@ -26,9 +26,11 @@ from ribbon_cli.store.folder import (
 )
 from ribbon_cli.store.hdf5 import decode_bytes, read_bytes
 from ribbon_cli.store.preamble import check_seal, check_version
-from ribbon_cli.store.record import StateRecord
 from ribbon_cli.store.root import named
 from ribbon_cli.store.summaries import Summary
+
+if TYPE_CHECKING:
+    from ribbon_cli.store.record import StateRecord
 
 
 def sweep(folder: Path, events: Sequence[Event]) -> list[str]:

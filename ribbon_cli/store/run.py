@@ -37,7 +37,6 @@ from ribbon_cli.store.folder import (
 )
 from ribbon_cli.store.hdf5 import decode_bytes, encoded, read_bytes
 from ribbon_cli.store.lock import Holder, RunLock
-from ribbon_cli.store.record import StateRecord
 from ribbon_cli.store.recovery import repair, sweep
 from ribbon_cli.store.root import named
 from ribbon_cli.store.summaries import LABELS, Summary
@@ -45,6 +44,7 @@ from ribbon_cli.store.summaries import LABELS, Summary
 if TYPE_CHECKING:
     from ribbon_cli.store import beside
     from ribbon_cli.store.beside import Beside, Make
+    from ribbon_cli.store.record import StateRecord
 else:  # for writers alone
     beside = Later("ribbon_cli.store.beside")
 

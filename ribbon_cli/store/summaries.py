@@ -6,13 +6,15 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields
 from operator import itemgetter
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ribbon_cli.facts import kinds_of
 from ribbon_cli.parts import CLOSED, FREE, HALF_WIDTH, PARAMETERS, Ends, Parts
-from ribbon_cli.store.contacts import Contacts
-from ribbon_cli.store.layout import BRANCH, STATE, Dtype, Item
-from ribbon_cli.store.record import REACTIONS, StateRecord
+from ribbon_cli.store.layout import BRANCH, REACTIONS, STATE, Dtype, Item
+
+if TYPE_CHECKING:
+    from ribbon_cli.store.contacts import Contacts
+    from ribbon_cli.store.record import StateRecord
 
 _TOPOLOGY = ("half_twists", "sigma")
 _OPEN = {"open": True}

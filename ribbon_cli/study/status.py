@@ -14,8 +14,7 @@ from ..solver.status import Status
 from ..store import Run, Summary
 from ..store.events import Ended, Event, SurveyFollowed, SurveyStart
 from ..store.lock import Holder
-from .plan import meeting, stages_of, start_name
-from .removal import by_command
+from .plan import by_command, meeting, stages_of, start_name
 from .run_config import resolved_config
 
 RUN_STATUSES = ("complete", "running", "waiting", "failed", "damaged", "unknown")
