@@ -194,11 +194,7 @@ def _created(kind: str, time: str, document: dict[str, Any]) -> Created:
 
 def _state(kind: str, time: str, document: dict[str, Any]) -> Entry:
     state, sha256 = Summary.read(document.get("state")), document.get("sha256")
-    if (
-        not isinstance(sha256, str)
-        or not _is_sha256(sha256)
-        or document.get("file") != f"states/{state.label:04d}.h5"
-    ):
+    if not _is_sha256(sha256) or document.get("file") != f"states/{state.label:04d}.h5":
         raise ValueError(f"it does not name the file of state {state.label} with its hash")
     return Entry(kind, time, document, sha256, state)
 
