@@ -58,7 +58,7 @@ def parse_line(line: bytes) -> Event:
     body = line[:-_TAIL] + b"}"
     if line[-_TAIL:] != f',"crc32":"{zlib.crc32(body):08x}"}}'.encode():
         raise ValueError("its checksum does not match")
-    return read_event(parse_json(body))
+    return read_event(parse_json(body), body)
 
 
 def parse_json(body: bytes) -> Any:

@@ -200,7 +200,8 @@ def _checked_entry(folder: Path, entry: Entry, there: Collection[int]) -> tuple[
     """
     label = entry.state.label
     path = folder / state_name(label)
-    lost = entry.document | {"event": "state-lost", "label": label}
+    document = entry.document
+    lost = document | {"event": "state-lost", "label": label}
     if label not in there:
         event = _readable(lost | {"reason": "its file is missing"})
         return event, f"{state_name(label)} is missing: marked as lost"
@@ -210,7 +211,7 @@ def _checked_entry(folder: Path, entry: Entry, there: Collection[int]) -> tuple[
             raise ValueError("not the bytes that were committed")
         state = _summary(data, path)
         added = entry.state.added()
-        if added | state == added | entry.document["state"]:
+        if added | state == added | document["state"]:
             return entry, ""
         anew = _readable(state_entry(state, data) | {"time": entry.time})
         return anew, f"wrote the line on state {label} anew"
