@@ -17,8 +17,7 @@ from ribbon_cli.model.symmetry import Symmetry
 from ribbon_cli.solver.newton import Options, solve
 from ribbon_cli.solver.status import Result, Status
 from ribbon_cli.store import Run, StateRecord, encode, write_atomic
-from ribbon_cli.store.layout import BRANCH, SPECTRUM, STATE
-from ribbon_cli.store.record import REACTIONS
+from ribbon_cli.store.layout import BRANCH, REACTIONS, SPECTRUM, STATE
 from ribbon_cli.study.clock import Clock
 from ribbon_cli.study.records import Reached, build_record, multipliers_of, state_of
 from ribbon_cli.verify.recompute import residuals

@@ -31,8 +31,17 @@ from ribbon_cli.store import (
     write_atomic,
 )
 from ribbon_cli.store.hdf5 import _blank, decode_bytes
-from ribbon_cli.store.layout import BRANCH, CONTACTS, DIMENSIONS, ENDS, LOADS, MATERIAL, SPECTRUM, STATE
-from ribbon_cli.store.record import REACTIONS
+from ribbon_cli.store.layout import (
+    BRANCH,
+    CONTACTS,
+    DIMENSIONS,
+    ENDS,
+    LOADS,
+    MATERIAL,
+    REACTIONS,
+    SPECTRUM,
+    STATE,
+)
 
 OF_STRIPS = ("bending_energy", "lambda_end", *REACTIONS)
 FORMAT_PAGE = Path(__file__).parent.parent / "docs" / "format.md"

@@ -29,7 +29,8 @@ from ribbon_cli.parts import CLOSED, Ends
 from ribbon_cli.solver.arclength import nearest
 from ribbon_cli.solver.climbing import climb
 from ribbon_cli.store import Run, list_runs
-from ribbon_cli.store.events import SurveyStart, read_event
+from ribbon_cli.store.events import SurveyStart
+from ribbon_cli.store.log import format_line, parse_line
 from ribbon_cli.study import standing
 from ribbon_cli.study.acceptance import options_for
 from ribbon_cli.study.status import Counts
@@ -419,9 +420,9 @@ def test_a_worker_that_dies_is_told() -> None:
 def test_lines_of_surveys_are_checked_where_they_are_read() -> None:
     end = {"climb": 0, "status": "minimum", "found": 1, "stored": 1}
     line = {"event": "survey-start", "time": "now", "start": 3, "ends": [end]}
-    event = read_event(line)
+    event = parse_line(format_line(line)[:-1])
     assert isinstance(event, SurveyStart)
     assert event.ends[0].found == 1
     for wrong in ({"start": "3"}, {"ends": 1}, {"ends": [{"climb": 0}]}):
         with pytest.raises(ValueError, match=r"missing|name"):
-            read_event(line | wrong)
+            parse_line(format_line(line | wrong)[:-1])

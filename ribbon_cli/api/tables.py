@@ -7,11 +7,10 @@ from dataclasses import replace
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
+from ribbon_cli import report
 from ribbon_cli.api.extras import extra
-from ribbon_cli.report.rows import Column, Rows
 from ribbon_cli.store import Run, Summary
-from ribbon_cli.store.layout import BRANCH, STATE
-from ribbon_cli.store.record import REACTIONS
+from ribbon_cli.store.layout import BRANCH, REACTIONS, STATE
 from ribbon_cli.store.summaries import OF_CONTACTS, varying
 
 if TYPE_CHECKING:
@@ -76,12 +75,12 @@ def column_types(states: Sequence[Summary]) -> dict[str, tuple[str, bool]]:
 
 def frame(run: Run, states: Sequence[Summary], what: str) -> DataFrame:
     """A data frame with a row for each of a run's states. Raises ImportError without pandas."""
-    known = [Column(name, *rest) for name, rest in column_types(states).items()]
+    known = [report.rows.Column(name, *rest) for name, rest in column_types(states).items()]
     rows = tuple(flat(state, run.name) for state in states)
-    return data_frame(extra("pandas", what), Rows(tuple(known), rows))
+    return data_frame(extra("pandas", what), report.rows.Rows(tuple(known), rows))
 
 
-def data_frame(pandas: ModuleType, rows: Rows) -> DataFrame:
+def data_frame(pandas: ModuleType, rows: report.rows.Rows) -> DataFrame:
     """A table as pandas has it: texts are objects, whole numbers that may be missing have gaps."""
     table = pandas.DataFrame(list(rows.rows), columns=[column.name for column in rows.columns])
     for column in rows.columns:

@@ -238,9 +238,10 @@ def history_lines(events: Iterable[Event]) -> dict[str, str]:
     """The log's events other than states, by time: the event and its text."""
     lines: dict[str, str] = {}
     for event in events:
-        notes = event.document.get("notes")
+        document = event.document
+        notes = document.get("notes")
         more = ": " + "; ".join(map(str, notes)) if isinstance(notes, list) and notes else ""
-        label = f" {event.document['label']}" if "label" in event.document else ""
+        label = f" {document['label']}" if "label" in document else ""
         label += f" {ranges(event.labels)}" if isinstance(event, store.events.Removed) else ""
         lines[event.time] = "; ".join(filter(None, [lines.get(event.time), f"{event.kind}{label}{more}"]))
     return lines

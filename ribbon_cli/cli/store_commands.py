@@ -54,7 +54,8 @@ def ls(settings: Settings, run: str | None, everything: bool, status: str | None
         return _list_states(settings, run, everything, status, kind)
     if kind is not None:
         raise UsageError("--kind is of states: name a run as well")
-    _known("status", status, study.RUN_STATUSES)
+    if status is not None:
+        _known("status", status, study.RUN_STATUSES)
     runs = [study.standing(item) for item in store.list_runs(settings.root, aside=everything)]
     damaged = [item.damage for item in runs if item.damage]
     runs = [item for item in runs if status is None or item.status == status]
@@ -76,7 +77,8 @@ def _list_points(
     """List the points of a sweep."""
     if kind is not None or everything:
         raise UsageError(f"--kind and --all are of states: {record.name} is a sweep; name one of its runs")
-    _known("status", status, sweeps.POINT_STATUSES)
+    if status is not None:
+        _known("status", status, sweeps.POINT_STATUSES)
     points = sweeps.standings(record)
     shown = [point for point in points if status is None or point.status == status]
     if settings.json:
@@ -90,8 +92,10 @@ def _list_points(
 
 def _list_states(settings: Settings, ref: str, everything: bool, status: str | None, kind: str | None) -> int:
     """List a run's states that the filters leave."""
-    _known("kind", kind, store.KINDS)
-    _known("status", status, study.STATE_STATUSES)
+    if kind is not None:
+        _known("kind", kind, store.KINDS)
+    if status is not None:
+        _known("status", status, study.STATE_STATUSES)
     run, states = store.find_states(settings.root, ref, everything or kind is not None)
     states, lost = api.tables.as_found(run, states)
     shown = [
@@ -110,9 +114,9 @@ def _list_states(settings: Settings, ref: str, everything: bool, status: str | N
     return StoreError.exit_code if lost else 0
 
 
-def _known(name: str, word: str | None, known: Iterable[str]) -> None:
+def _known(name: str, word: str, known: Iterable[str]) -> None:
     """Refuse an option's value that cannot match anything. Raises UsageError."""
-    if word is not None and word not in known:
+    if word not in known:
         raise UsageError(f"--{name}: {word!r} is none of {', '.join(known)}{store.suggest(word, known)}")
 
 

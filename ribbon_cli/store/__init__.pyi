@@ -10,11 +10,11 @@ from .hdf5 import encode as encode
 from .hdf5 import encoded as encoded
 from .layout import FORMAT as FORMAT
 from .layout import FORMAT_VERSION as FORMAT_VERSION
+from .layout import KINDS as KINDS
 from .npz import export_npz as export_npz
 from .npz import load_npz as load_npz
 from .npz import write_arrays as write_arrays
 from .provenance import gather as gather
-from .record import KINDS as KINDS
 from .record import METRICS as METRICS
 from .record import BranchRecord as BranchRecord
 from .record import SpectrumRecord as SpectrumRecord

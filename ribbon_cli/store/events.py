@@ -5,6 +5,7 @@ What readers rely on is checked here, whatever a line's checksum says.
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Callable, Iterable
 from contextlib import suppress
@@ -45,17 +46,28 @@ SURVEY_FOLLOWED = "survey-followed"
 REMOVED = "states-removed"
 """The event that removes states from a run: once it is in the log they are gone, even if files are left."""
 
+_Line = tuple[str, str, bytes]
+"""What every event begins with: kind, time and body."""
 Place = tuple[float | None, int]
 """A half-width, None where it is not known, and N."""
 
 
 @dataclass(frozen=True)
 class Event:
-    """A line of the log. `document` holds all of it, including what only a newer version understands."""
+    """A line of the log. `body` is its JSON, including what only a newer version understands.
+
+    Logs have thousands of lines, and hardly any is asked for more than its fields: no document is kept.
+    """
 
     kind: str
     time: str
-    document: dict[str, Any]
+    body: bytes
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """All that the line says, read anew each time."""
+        document: dict[str, Any] = json.loads(self.body)
+        return document
 
 
 @dataclass(frozen=True)
@@ -157,14 +169,18 @@ class Removed(Event):
     branches: tuple[str, ...]
 
 
-def read_event(document: Any) -> Event:
-    """Return an event of a run's log, also of unknown kind. Raises ValueError for anything else."""
+def read_event(document: Any, body: bytes) -> Event:
+    """Return an event of a run's log, also of unknown kind, by what its JSON says.
+
+    Raises ValueError for anything else.
+    """
     if not isinstance(document, dict) or not isinstance(document.get("event"), str):
         raise ValueError("it is not an event")
     if not isinstance(document.get("time"), str):
         raise ValueError("it has no time")
+    line = (document["event"], document["time"], body)
     make = _KINDS.get(document["event"])
-    return (make or Event)(document["event"], document["time"], document)
+    return make(line, document) if make else Event(*line)
 
 
 def removed(events: Iterable[Event]) -> dict[int, Entry]:
@@ -180,7 +196,7 @@ def removed(events: Iterable[Event]) -> dict[int, Entry]:
     return gone
 
 
-def _created(kind: str, time: str, document: dict[str, Any]) -> Created:
+def _created(line: _Line, document: dict[str, Any]) -> Created:
     if document.get("format") != "ribbon-run":
         raise ValueError("it is not of a run")
     files = document.get("files")
@@ -189,21 +205,17 @@ def _created(kind: str, time: str, document: dict[str, Any]) -> Created:
     version = document.get("format_version")
     if not isinstance(version, str) or not _VERSION.fullmatch(version):
         raise ValueError("it has no version of the format")
-    return Created(kind, time, document, version, files)
+    return Created(*line, version, files)
 
 
-def _state(kind: str, time: str, document: dict[str, Any]) -> Entry:
+def _state(line: _Line, document: dict[str, Any]) -> Entry:
     state, sha256 = Summary.read(document.get("state")), document.get("sha256")
-    if (
-        not isinstance(sha256, str)
-        or not _is_sha256(sha256)
-        or document.get("file") != f"states/{state.label:04d}.h5"
-    ):
+    if not _is_sha256(sha256) or document.get("file") != f"states/{state.label:04d}.h5":
         raise ValueError(f"it does not name the file of state {state.label} with its hash")
-    return Entry(kind, time, document, sha256, state)
+    return Entry(*line, sha256, state)
 
 
-def _lost(kind: str, time: str, document: dict[str, Any]) -> Lost:
+def _lost(line: _Line, document: dict[str, Any]) -> Lost:
     if not is_label(document.get("label")):
         raise ValueError("it names no state")
     state, reason = document.get("state"), str(document.get("reason", "its file was missing"))
@@ -212,49 +224,49 @@ def _lost(kind: str, time: str, document: dict[str, Any]) -> Lost:
     with suppress(ValueError):
         known = Summary.read(state)
     stage = stage if isinstance(stage, str) else None
-    return Lost(kind, time, document, document["label"], reason, stage, known)
+    return Lost(*line, document["label"], reason, stage, known)
 
 
-def _ended(kind: str, time: str, document: dict[str, Any]) -> Ended:
-    return Ended(kind, time, document, _places(document.get("missed")), _places(document.get("beyond", [])))
+def _ended(line: _Line, document: dict[str, Any]) -> Ended:
+    return Ended(*line, _places(document.get("missed")), _places(document.get("beyond", [])))
 
 
-def _branch_end(kind: str, time: str, document: dict[str, Any]) -> BranchEnd:
+def _branch_end(line: _Line, document: dict[str, Any]) -> BranchEnd:
     found = _BRANCH_END.checked(document, _MISSING)
     name, value = document.get("parameter", HALF_WIDTH), document.get("value")
     if name not in PARAMETERS or not (value is None or (type(value) in _NUMBER and fits(value))):
         raise ValueError("parameter or value is of another type")
-    return BranchEnd(kind, time, document, **found, parameter=name, value=value)
+    return BranchEnd(*line, **found, parameter=name, value=value)
 
 
-def _given_up(kind: str, time: str, document: dict[str, Any]) -> GivenUp:
+def _given_up(line: _Line, document: dict[str, Any]) -> GivenUp:
     found = _STAGE_GIVEN_UP.checked(document, _MISSING)
-    return GivenUp(kind, time, document, **found)
+    return GivenUp(*line, **found)
 
 
-def _survey_start(kind: str, time: str, document: dict[str, Any]) -> SurveyStart:
+def _survey_start(line: _Line, document: dict[str, Any]) -> SurveyStart:
     start, ends = document.get("start"), document.get("ends")
     if type(start) is not int or not isinstance(ends, list):
         raise ValueError("it does not name a start with its ends")
     found = tuple(SurveyEnd(**_SURVEY_END.checked(end, _MISSING)) for end in ends)
-    return SurveyStart(kind, time, document, start, found)
+    return SurveyStart(*line, start, found)
 
 
-def _survey_followed(kind: str, time: str, document: dict[str, Any]) -> SurveyFollowed:
+def _survey_followed(line: _Line, document: dict[str, Any]) -> SurveyFollowed:
     found = _SURVEY_FOLLOWED.checked(document, _MISSING)
-    return SurveyFollowed(kind, time, document, **found)
+    return SurveyFollowed(*line, **found)
 
 
-def _removed(kind: str, time: str, document: dict[str, Any]) -> Removed:
+def _removed(line: _Line, document: dict[str, Any]) -> Removed:
     labels, branches = document.get("labels"), document.get("branches")
     if not isinstance(labels, list) or not all(map(is_label, labels)):
         raise ValueError("it does not name states by their labels")
     if not isinstance(branches, list) or not are_texts(branches):
         raise ValueError("it does not name branches")
-    return Removed(kind, time, document, tuple(labels), tuple(branches))
+    return Removed(*line, tuple(labels), tuple(branches))
 
 
-_KINDS: dict[str, Callable[[str, str, dict[str, Any]], Event]] = {
+_KINDS: dict[str, Callable[[_Line, dict[str, Any]], Event]] = {
     "created": _created,
     "state": _state,
     "state-lost": _lost,

@@ -16,13 +16,11 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ribbon_cli.doors import Later
 from ribbon_cli.errors import StoreError
 from ribbon_cli.store.atomic import without_waiting
-from ribbon_cli.store.content import values_sha256
-from ribbon_cli.store.fields import assemble, flatten, scales, value_dtype
 from ribbon_cli.store.layout import DIMENSIONS, EVENTS, FORMAT, FORMAT_VERSION, KINDS_OF_EVENTS, SIGNALS
 from ribbon_cli.store.preamble import block_size, check_seal, check_version, head_version, refuse_newer, seal
-from ribbon_cli.store.record import StateRecord
 from ribbon_cli.store.summaries import Summary
 from ribbon_cli.text import in_a_line
 
@@ -30,8 +28,12 @@ if TYPE_CHECKING:
     import h5py
     import numpy as np
 
+    from ribbon_cli.store import content, fields
     from ribbon_cli.store.fields import Value
     from ribbon_cli.store.layout import Item
+    from ribbon_cli.store.record import StateRecord
+else:  # what listings do without
+    content, fields = Later("ribbon_cli.store.content"), Later("ribbon_cli.store.fields")
 
 COMPRESS_ABOVE = 64
 """Arrays of more elements are compressed; below, the filter costs more than it saves."""
@@ -75,14 +77,14 @@ def encoded(record: StateRecord) -> tuple[bytes, Summary]:
     """The bytes of the record's state file, and its summary with the content hash. Raises as `encode`."""
     from h5py import h5d
 
-    fields = flatten(record)
+    found = fields.flatten(record)
     _check_kinds(record)
-    content = values_sha256({field.item.path: field.value for field in fields})
-    summary = Summary.of(record, content)
+    digest = content.values_sha256({field.item.path: field.value for field in found})
+    summary = Summary.of(record, digest)
     head = summary.to_dict()
-    fields += scales(fields, record.length, record.segments)
-    fixed = [field for field in fields if field.item.field not in _OF_ANY_WIDTH]
-    others = [field for field in fields if field.item.field in _OF_ANY_WIDTH]
+    found += fields.scales(found, record.length, record.segments)
+    fixed = [field for field in found if field.item.field not in _OF_ANY_WIDTH]
+    others = [field for field in found if field.item.field in _OF_ANY_WIDTH]
     blank, places = _blank(block_size(head), tuple((field.item, *_kind(field.value)) for field in fixed))
     image = io.BytesIO(blank)
     for field in fixed:
@@ -90,7 +92,7 @@ def encoded(record: StateRecord) -> tuple[bytes, Summary]:
             image.seek(places[field.item])
             image.write(_in_memory(field.value)[1].tobytes())
     with _file_in(image) as file:
-        _overwrite_text_attribute(file, "content_sha256", content)
+        _overwrite_text_attribute(file, "content_sha256", digest)
         for field in fixed:
             if field.item in places:
                 continue
@@ -345,9 +347,9 @@ def decode_bytes(data: bytes, source: str) -> StateRecord:
         with h5py.File(h5f.open_file_image(data)) as file:
             stored = _check_root(file, source, head_version(data))
             values = _read_values(file)
-            if values_sha256(values) != stored:
+            if content.values_sha256(values) != stored:
                 raise ValueError("its content does not match its content_sha256")
-            record = assemble(values, _event_kinds(file) if EVENTS in values else None)
+            record = fields.assemble(values, _event_kinds(file) if EVENTS in values else None)
             _check_kinds(record)
             if head is not None and not Summary.of(record, stored).agrees(head):
                 raise ValueError("the summary in its head is not that of its content")
@@ -490,7 +492,7 @@ def _read_dataset(path: str, dataset: Any, data: np.ndarray) -> Value:
     if data.dtype.kind != "S":
         if data.dtype == "?" and not (data.view(np.uint8) <= 1).all():
             raise ValueError(f"{path} holds a truth value other than 0 and 1")
-        value_dtype(data)
+        fields.value_dtype(data)
         return data
     texts = tuple(bytes(text).decode() for text in data.ravel().tolist())
     if data.ndim > 1:

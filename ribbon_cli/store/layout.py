@@ -15,6 +15,11 @@ FORMAT_VERSION = "1.4"
 
 Dtype = Literal["float64", "int64", "bool", "utf-8"]
 
+KINDS = ("equilibrium", "intermediate", "auxiliary", "saddle")
+"""Kinds of state, in the words of `ribbon ls`."""
+REACTIONS = ("reaction_force", "reaction_moment", "start_force", "start_moment")
+"""Fields with the forces and moments at the ends of a strip."""
+
 
 @dataclass(frozen=True)
 class Dimension:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import errno
 import json
 import os
-import socket
 import time
 from contextlib import suppress
 from dataclasses import dataclass
@@ -210,11 +209,18 @@ def _note() -> bytes:
     """The note of this process."""
     note = {
         "pid": os.getpid(),
-        "host": socket.gethostname(),
+        "host": _host(),
         "since": utc_now(),
         "start": _start(os.getpid()),
     }
     return json.dumps(note).encode() + b"\n"
+
+
+def _host() -> str:
+    """The name of this machine; only a lock's note asks for it, and what tells it takes long to import."""
+    import socket
+
+    return socket.gethostname()
 
 
 def _start(pid: int) -> str | None:
@@ -233,7 +239,7 @@ def _living(note: _Note) -> bool:
     """Whether a note may belong to a living process; a process of another machine is unknown and counts as
     living.
     """
-    if note.holder.host != socket.gethostname():
+    if note.holder.host != _host():
         return True
     try:
         pid = int(note.holder.pid)

@@ -58,7 +58,7 @@ def parse_line(line: bytes) -> Event:
     body = line[:-_TAIL] + b"}"
     if line[-_TAIL:] != f',"crc32":"{zlib.crc32(body):08x}"}}'.encode():
         raise ValueError("its checksum does not match")
-    return read_event(parse_json(body))
+    return read_event(parse_json(body), body)
 
 
 def parse_json(body: bytes) -> Any:
@@ -70,7 +70,7 @@ def parse_json(body: bytes) -> Any:
     if body.count(b"[") + body.count(b"{") > _DEEPEST and _depth(text) > _DEEPEST:
         raise ValueError("it is nested too deeply")
     entry: Any = _DECODER.decode(text)
-    if b"\\u" in body:  # no text that could not be written again: half a pair of surrogates
+    if "\\" in text:  # no text that could not be written again: half a pair of surrogates
         json.dumps(entry, ensure_ascii=False).encode()
     return entry
 
@@ -177,17 +177,19 @@ class LogReader:
         lines = read_lines(self.path, self._end - len(self._last))
         if self._last and (not lines or lines.pop(0) + b"\n" != self._last):
             return False
+        if lines and b"\0" in lines[-1]:
+            lines.pop()
         with _all_is_kept():
-            for line in lines[:-1] if lines and b"\0" in lines[-1] else lines:
-                number = len(self._events) + 1
+            for number, line in enumerate(lines, start=len(self._events) + 1):
                 try:
                     self._events.append(parse_line(line))
                 except ValueError as error:
                     raise StoreError(
                         f"{self.path}:{number}: damaged line: {error}; {_advice(self.path)}"
                     ) from error
-                self._last = line + b"\n"
-                self._end += len(self._last)
+        if lines:
+            self._last = lines[-1] + b"\n"
+            self._end += sum(map(len, lines)) + len(lines)
         return True
 
 

@@ -20,7 +20,8 @@ from ribbon_cli.store.atomic import write_atomic
 from ribbon_cli.store.contacts import Contacts
 from ribbon_cli.store.content import content_sha256
 from ribbon_cli.store.hdf5 import MAX_BYTES
-from ribbon_cli.store.record import REACTIONS, StateRecord
+from ribbon_cli.store.layout import REACTIONS
+from ribbon_cli.store.record import StateRecord
 from ribbon_cli.text import in_a_line
 
 UNKNOWN = -1

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from ribbon_cli.facts import kinds_of
 from ribbon_cli.parts import CLOSED, HALF_WIDTH, Parts
 from ribbon_cli.store.contacts import Contacts
+from ribbon_cli.store.layout import KINDS, REACTIONS
 
 if TYPE_CHECKING:
     import numpy as np
@@ -21,15 +22,11 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-KINDS = ("equilibrium", "intermediate", "auxiliary", "saddle")
-"""Kinds of state, in the words of `ribbon ls`."""
-
 METRICS = ("euclidean", "physical")
 """Metrics in which a spectrum may be given."""
 
 _UNKNOWNS = ("u", "g", "xi", "g_end")
 _MULTIPLIERS = ("lambda_1", "lambda_2", "lambda_3", "lambda_4", "lambda_5", "gamma")
-REACTIONS = ("reaction_force", "reaction_moment", "start_force", "start_moment")
 _GEOMETRY = ("midline", "kappa_s", "tau", "eta", "eta_prime")
 
 

@@ -9,7 +9,7 @@ import hashlib
 import os
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ribbon_cli.errors import StoreError
 from ribbon_cli.store import configs, log
@@ -26,9 +26,11 @@ from ribbon_cli.store.folder import (
 )
 from ribbon_cli.store.hdf5 import decode_bytes, read_bytes
 from ribbon_cli.store.preamble import check_seal, check_version
-from ribbon_cli.store.record import StateRecord
 from ribbon_cli.store.root import named
 from ribbon_cli.store.summaries import Summary
+
+if TYPE_CHECKING:
+    from ribbon_cli.store.record import StateRecord
 
 
 def sweep(folder: Path, events: Sequence[Event]) -> list[str]:
@@ -198,7 +200,8 @@ def _checked_entry(folder: Path, entry: Entry, there: Collection[int]) -> tuple[
     """
     label = entry.state.label
     path = folder / state_name(label)
-    lost = entry.document | {"event": "state-lost", "label": label}
+    document = entry.document
+    lost = document | {"event": "state-lost", "label": label}
     if label not in there:
         event = _readable(lost | {"reason": "its file is missing"})
         return event, f"{state_name(label)} is missing: marked as lost"
@@ -208,7 +211,7 @@ def _checked_entry(folder: Path, entry: Entry, there: Collection[int]) -> tuple[
             raise ValueError("not the bytes that were committed")
         state = _summary(data, path)
         added = entry.state.added()
-        if added | state == added | entry.document["state"]:
+        if added | state == added | document["state"]:
             return entry, ""
         anew = _readable(state_entry(state, data) | {"time": entry.time})
         return anew, f"wrote the line on state {label} anew"

@@ -37,7 +37,6 @@ from ribbon_cli.store.folder import (
 )
 from ribbon_cli.store.hdf5 import decode_bytes, encoded, read_bytes
 from ribbon_cli.store.lock import Holder, RunLock
-from ribbon_cli.store.record import StateRecord
 from ribbon_cli.store.recovery import repair, sweep
 from ribbon_cli.store.root import named
 from ribbon_cli.store.summaries import LABELS, Summary
@@ -45,6 +44,7 @@ from ribbon_cli.store.summaries import LABELS, Summary
 if TYPE_CHECKING:
     from ribbon_cli.store import beside
     from ribbon_cli.store.beside import Beside, Make
+    from ribbon_cli.store.record import StateRecord
 else:  # for writers alone
     beside = Later("ribbon_cli.store.beside")
 
@@ -229,7 +229,7 @@ class Run:
         """
         entries, found = self.entries(), {}
         for label in labels:
-            path = self.state_path(label)
+            path = self._state_file(label)
             try:
                 data = read_bytes(path)
             except StoreError as error:
@@ -259,13 +259,16 @@ class Run:
 
     def committed_bytes(self, entry: Entry) -> bytes:
         """Bytes of a state's file. Raises StoreError where they are not those that were committed."""
-        # Not as a Path, which takes longer to make than the file to hash.
-        path = f"{self.path}/{state_name(entry.state.label)}"
+        path = self._state_file(entry.state.label)
         data = read_bytes(path)
         if hashlib.sha256(data).hexdigest() != entry.sha256:
             advice = f"`ribbon repair {named(self.path)}` puts it aside"
             raise StoreError(f"{path}: damaged: not the bytes that were committed; {advice}")
         return data
+
+    def _state_file(self, label: int) -> str:
+        """The same as `state_path`; a Path takes longer to make than the file to read."""
+        return f"{self.path}/{state_name(label)}"
 
     # Writing
 

@@ -6,13 +6,15 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields
 from operator import itemgetter
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ribbon_cli.facts import kinds_of
 from ribbon_cli.parts import CLOSED, FREE, HALF_WIDTH, PARAMETERS, Ends, Parts
-from ribbon_cli.store.contacts import Contacts
-from ribbon_cli.store.layout import BRANCH, STATE, Dtype, Item
-from ribbon_cli.store.record import REACTIONS, StateRecord
+from ribbon_cli.store.layout import BRANCH, REACTIONS, STATE, Dtype, Item
+
+if TYPE_CHECKING:
+    from ribbon_cli.store.contacts import Contacts
+    from ribbon_cli.store.record import StateRecord
 
 _TOPOLOGY = ("half_twists", "sigma")
 _OPEN = {"open": True}
@@ -32,6 +34,7 @@ _LARGEST = 2**63
 """Bound of whole numbers, as in a file."""
 _LARGEST_FLOAT = 1e100
 """Bound of numbers, far beyond what a computation can end with: their products and ratios fit a float."""
+_SMALL = 1e15
 _FARTHEST = 1e30
 """Bound of parameters and lengths, and of 1/lengths; configs admit 1e9."""
 _LENGTHS = ("half_width", "length")
@@ -73,29 +76,34 @@ class Fields:
             values = self._values(found)
         except KeyError as error:
             raise ValueError(f"{error.args[0]} {of}") from None
-        floats, integers, lists = self._places(values, of)
-        # All at once, and one by one only to name what does not fit.
-        if not (
-            math.hypot(*[values[k] for k in floats]) <= _LARGEST_FLOAT
-            and max([abs(values[k]) for k in integers], default=0) < _LARGEST
-            and all(map(are_texts, [values[k] for k in lists]))
-        ):
+        numbers, lists = self._places(values, of)
+        # All at once, and one by one only where something may not fit.
+        if not (are_small([values[k] for k in numbers]) and all(map(are_texts, [values[k] for k in lists]))):
             for name, value in zip(self._names, values, strict=True):
                 if not fits(value):
                     raise ValueError(f"{name} {of}")
         return zip(self._names, values, strict=True)
 
     def _places(self, values: tuple[Any, ...], of: str) -> tuple[list[int], ...]:
-        """Where floats, integers and lists are among the values. Raises ValueError for any other type."""
+        """Where numbers and lists are among the values. Raises ValueError for a type that is not allowed."""
         found = tuple(map(type, values))
         places = self._by_types.get(found)
         if places is None:
             for name, one in zip(self._names, found, strict=True):
                 if one not in self._types[name]:
                     raise ValueError(f"{name} {of}")
-            places = tuple([k for k, one in enumerate(found) if one is kind] for kind in (float, int, list))
+            kinds: tuple[set[type], ...] = ({float, int}, {list})
+            places = tuple([k for k, one in enumerate(found) if one in kind] for kind in kinds)
             self._by_types[found] = places
         return places
+
+
+def are_small(numbers: Iterable[float]) -> bool:
+    """Whether numbers are far below any bound, as nearly all are."""
+    try:
+        return math.hypot(*numbers) < _SMALL
+    except OverflowError:  # an integer beyond any float
+        return False
 
 
 def fits(value: Any) -> bool:
@@ -122,7 +130,6 @@ _OF_STATE = Fields(
         "content_sha256": {str},
     }
 )
-_OF_TOPOLOGY = Fields(_types(item for item in STATE if item.field in _TOPOLOGY))
 _OF_BRANCH = Fields(_types(item for item in BRANCH if item.summary))
 _OF_CONTACTS = Fields({name: _JSON[dtype] for name, dtype in OF_CONTACTS.items()})
 _KEYS = tuple(
@@ -265,7 +272,10 @@ class Summary:
         if topology == _OPEN:
             values["half_twists"] = values["sigma"] = 0
         else:
-            values.update(_OF_TOPOLOGY.pairs(topology, of))
+            for name in _TOPOLOGY:
+                value = values[name] = topology.get(name) if isinstance(topology, dict) else None
+                if type(value) is not int or not fits(value):
+                    raise ValueError(f"{name} {of}")
             if values["sigma"] not in (1, -1):
                 raise ValueError(f"sigma {of}")
         parent = values["parent"]
@@ -403,7 +413,7 @@ def _plain(record: object, item: Item) -> Any:
 
 def are_texts(values: list[Any]) -> bool:
     """Whether all values of a list are texts."""
-    return all(isinstance(text, str) for text in values)
+    return not values or all(isinstance(text, str) for text in values)
 
 
 def is_label(value: Any) -> bool:

@@ -17,7 +17,7 @@ from .removal import Request as Request
 from .removal import removal_of as removal_of
 from .removal import remove as remove
 from .solve import solve_config as solve_config
-from .status import RUN_STATUSES as RUN_STATUSES
-from .status import STATE_STATUSES as STATE_STATUSES
 from .status import Standing as Standing
 from .status import standing as standing
+from .words import RUN_STATUSES as RUN_STATUSES
+from .words import STATE_STATUSES as STATE_STATUSES

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from bisect import bisect_left, bisect_right, insort
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -20,6 +21,7 @@ SPECTRUM_SECONDS = 4e-8
 """Costs seen on a 2.6 GHz core: a stage with its certificate and file, Newton steps (linear in N), and a
 full spectrum (cubic in N). They make an estimate, not a promise."""
 
+_CROSSING = re.compile(r"branch from (\d{1,12}) side ")
 STEPS = "`steps` of the recipe"
 """Where a way to the first state has its steps, for those that have any."""
 LARGE = 6400
@@ -171,6 +173,17 @@ def start_kind(config: Config, half_width: float | None) -> str:
     schedule begins.
     """
     return "equilibrium" if not config.widths or half_width == config.widths[0] else "intermediate"
+
+
+def by_command(stage: str, stages: Mapping[int, str]) -> bool:
+    """Whether a stage is one of `ribbon refine` or `ribbon continue`, and no config leads to it.
+
+    `stages` are those of the run by label: a branch that crosses another is of whoever asked for that one.
+    """
+    left = dict(stages)  # each is looked at once, whatever a log says
+    while crossing := _CROSSING.match(stage):
+        stage = left.pop(int(crossing[1]), "")
+    return stage.startswith(("state ", "from ", "branch from "))
 
 
 def plan_of(config: Config, given: tuple[float, int] | None = None) -> Plan:

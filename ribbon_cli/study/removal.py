@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -11,8 +10,7 @@ from ..store import Run, Summary, typed
 from ..text import ranges
 from .branch_tables import courses
 from .outcome import Course
-
-_CROSSING = re.compile(r"branch from (\d{1,12}) side ")
+from .plan import by_command
 
 
 @dataclass(frozen=True)
@@ -83,17 +81,6 @@ def remove(run: Run, removal: Removal) -> None:
         if removal_of(run, removal.request) != removal:
             raise UsageError(f"{run.name}: another process has changed it meanwhile: give the command again")
         run.remove_states(removal.labels, removal.branches)
-
-
-def by_command(stage: str, stages: Mapping[int, str]) -> bool:
-    """Whether a stage is one of `ribbon refine` or `ribbon continue`, and no config leads to it.
-
-    `stages` are those of the run by label: a branch that crosses another is of whoever asked for that one.
-    """
-    left = dict(stages)  # each is looked at once, whatever a log says
-    while crossing := _CROSSING.match(stage):
-        stage = left.pop(int(crossing[1]), "")
-    return stage.startswith(("state ", "from ", "branch from "))
 
 
 def _branch(run: Run, branches: Sequence[Course], number: int) -> Course:

@@ -10,18 +10,11 @@ from typing import Any
 
 from ..config import Arclength, Config
 from ..errors import RibbonError, StoreError
-from ..solver.status import Status
 from ..store import Run, Summary
 from ..store.events import Ended, Event, SurveyFollowed, SurveyStart
 from ..store.lock import Holder
-from .plan import meeting, stages_of, start_name
-from .removal import by_command
+from .plan import by_command, meeting, stages_of, start_name
 from .run_config import resolved_config
-
-RUN_STATUSES = ("complete", "running", "waiting", "failed", "damaged", "unknown")
-"""Words for a run as a whole: all targets certified; being written to; targets left; targets missed; ..."""
-STATE_STATUSES = (*(status.value for status in Status), "missing", "unreadable", "damaged")
-"""Words for a state: outcomes of a solve, or what has become of its file."""
 
 MOST_NAMED = 12
 """Most targets that are named in a line."""

@@ -11,8 +11,8 @@ from ..report.comparison import StatePair
 from ..store import Run, find_run
 from ..store.atomic import temporary_name
 from ..study.outcome import Outcome
+from ..study.plan import by_command
 from ..study.progress import Progress
-from ..study.removal import by_command
 from ..study.run_config import stored_config
 from ..study.solve import solve_config
 from .sameness import judge_runs

@@ -49,7 +49,7 @@ from ..report.comparison import (
 from ..solver.newton import Options
 from ..solver.status import STATIONARY, Status
 from ..store import BranchRecord, Contacts, Run, SpectrumRecord, StateRecord
-from ..store.record import REACTIONS
+from ..store.layout import REACTIONS
 from ..study.records import all_multipliers_of, multipliers_of, state_of
 from .branches import OVERLAP, TANGENT, VALUE
 from .recompute import DERIVED, ENERGY, energy_size, problem_of, residual_slack, residuals
