@@ -35,7 +35,7 @@ from ribbon_cli.solver.linear import Factor
 from ribbon_cli.solver.newton import Options, solve
 from ribbon_cli.solver.prolongation import Phase, smooth
 from ribbon_cli.solver.status import Status
-from ribbon_cli.study import plan_of, refine_state, solve_config
+from ribbon_cli.study import memory, plan_of, refine_state, solve_config
 
 THESIS = Discretisation.THESIS
 SMALL = """
@@ -128,6 +128,36 @@ def test_threads_keep_order_and_floating_point_errors_and_end(monkeypatch: pytes
         found = threads.mapped(lambda k: float(np.ones(1)[0] / np.float64(k)), range(50))
     assert found == [np.inf, *(1.0 / k for k in range(1, 50))]
     assert threading.active_count() == 1
+
+
+def test_threads_that_help_are_counted_in_processor_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    def work(_: int) -> None:
+        end = time.thread_time() + 0.02
+        while time.thread_time() < end:
+            pass
+
+    for count in (1, 3):
+        monkeypatch.setattr(threads, "cores", lambda count=count: count)
+        before = threads.cpu_seconds()
+        threads.mapped(work, range(5))
+        assert 0.1 <= threads.cpu_seconds() - before < 1.0
+
+
+def test_memory_is_held_where_the_c_library_can(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[tuple[int, int]] = []
+
+    class Glibc:
+        @staticmethod
+        def mallopt(name: int, value: int) -> int:
+            asked.append((name, value))
+            return 1
+
+    monkeypatch.setattr(memory.ctypes, "CDLL", lambda _: Glibc)
+    memory.hold_memory()
+    assert dict(asked) == {-4: 0, -8: 1, -1: 1 << 30}
+    monkeypatch.setattr(memory.ctypes, "CDLL", lambda _: object())  # another C library
+    memory.hold_memory()
+    assert len(asked) == 3
 
 
 def test_what_a_thread_raises_is_raised_and_the_rest_left_out(monkeypatch: pytest.MonkeyPatch) -> None:

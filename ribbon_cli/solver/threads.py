@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import contextvars
 import os
+import threading
+import time
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
@@ -17,6 +19,14 @@ R = TypeVar("R")
 
 MOST = 4
 """Threads at most: what is between numpy's calls is done by one at a time."""
+
+
+_helped = threading.local()
+
+
+def cpu_seconds() -> float:
+    """Processor time of this thread so far, with that of the threads that worked for it."""
+    return time.thread_time() + float(getattr(_helped, "seconds", 0.0))
 
 
 def cores() -> int:
@@ -31,6 +41,11 @@ def mapped(function: Callable[[T], R], items: Iterable[T]) -> list[R]:
     Threads end with the call, since a process is copied while it has one alone. What the first call to fail
     raises is raised, and so is what interrupts the wait; calls not begun by then are left out.
     """
+
+    def call(item: T) -> tuple[R, float]:
+        began = time.thread_time()
+        return function(item), time.thread_time() - began
+
     todo = list(items)
     count = min(cores(), len(todo), MOST)
     if count < 2:
@@ -38,7 +53,9 @@ def mapped(function: Callable[[T], R], items: Iterable[T]) -> list[R]:
     pool = ThreadPoolExecutor(count)
     try:
         # numpy's handling of floating-point errors is the context's, which a thread begins without.
-        calls = [pool.submit(contextvars.copy_context().run, function, item) for item in todo]
-        return [call.result() for call in calls]
+        calls = [pool.submit(contextvars.copy_context().run, call, item) for item in todo]
+        found = [each.result() for each in calls]
+        _helped.seconds = getattr(_helped, "seconds", 0.0) + sum(seconds for _, seconds in found)
+        return [result for result, _ in found]
     finally:
         pool.shutdown(cancel_futures=True)

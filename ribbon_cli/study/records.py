@@ -27,6 +27,7 @@ from ..solver.resting import RestingProblem, resting_reactions
 from ..solver.resting_set import Rest, rest_at
 from ..solver.spectra import Spectrum, full_spectra, lowest_spectra
 from ..solver.status import Result, SaddleMet, Status
+from ..solver.threads import cpu_seconds
 from ..store import BranchRecord, Contacts, SpectrumRecord, StateRecord, Summary, encoded
 from .clock import Clock
 
@@ -274,10 +275,10 @@ def _topology(problem: Problem, state: State) -> tuple[float, float, float]:
 
 def with_spectra(record: StateRecord, request: SpectrumRequest) -> StateRecord:
     """The record with its spectra, which follow from it alone; `request` says which modes to compute."""
-    wall, cpu = time.perf_counter(), time.thread_time()
+    wall, cpu = time.perf_counter(), cpu_seconds()
     spectra, remarks = _spectra(record, request)
     facts = dict(record.provenance)
-    costs = {"wall_seconds": time.perf_counter() - wall, "cpu_seconds": time.thread_time() - cpu}
+    costs = {"wall_seconds": time.perf_counter() - wall, "cpu_seconds": cpu_seconds() - cpu}
     for name, cost in costs.items():
         facts[name] = float(facts[name]) + cost
     return replace(
