@@ -6,7 +6,7 @@ import ctypes
 import sys
 
 _TRIM_THRESHOLD, _MMAP_MAX, _ARENA_MAX = -1, -4, -8
-"""mallopt(3): how much may be free at the end of the heap, how many pieces may have a mapping of their own, and
+"""mallopt(3): how much may be free at the heap's end, how many pieces may have a mapping of their own, and
 how many heaps threads may have: what one of them frees then serves the others."""
 _MOST_FREE = 1 << 30
 
