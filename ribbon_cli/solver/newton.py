@@ -37,8 +37,9 @@ class Options:
     other topologies. `leave_saddles` is how many stationary points of positive index may be left.
     From a residual of `near_saddle` saddles are stepped onto, to be known and left on purpose.
     `guard` returns a sentence where a state must not be accepted (it changed its linking number), `way`
-    whether a step may be taken from one x to another. Without `judged` nobody asks what a stationary point is:
-    one that Newton's next step hardly moves ends a solve as it is, of undecided index, on all but fine grids.
+    whether a step may be taken from one x to another. Without `judged` nobody asks what a stationary point
+    is: one that Newton's next step hardly moves ends a solve as it is, of undecided index, on all but fine
+    grids.
     """
 
     tolerance: float = 1e-9
