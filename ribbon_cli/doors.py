@@ -51,3 +51,22 @@ class Later(ModuleType):
         found = getattr(import_module(self.__name__), name)
         setattr(self, name, found)
         return found
+
+
+def put_off(*names: str) -> None:
+    """Have submodules of others' packages executed when something of them is first asked for.
+
+    For what a library imports and never uses. Those that are there already, or nowhere, stay as they are.
+    """
+    from importlib.util import LazyLoader, find_spec, module_from_spec  # which listings do without
+
+    for name in names:
+        spec = None if name in sys.modules else find_spec(name)
+        if spec is None or spec.loader is None:
+            continue
+        spec.loader = LazyLoader(spec.loader)
+        module = module_from_spec(spec)
+        parent, _, own = name.rpartition(".")
+        sys.modules[name] = module
+        setattr(sys.modules[parent], own, module)
+        spec.loader.exec_module(module)
