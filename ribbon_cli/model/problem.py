@@ -220,7 +220,8 @@ class Problem:
     def next_rulings(self, x: Array) -> Array:
         """g_{i+1} (N,3) at each facet's far node."""
         g = x.reshape(-1, 7)[:, 3:6]
-        out: Array = np.vstack((g[1:], self.end_ruling(x)))
+        out: Array = np.empty((self.band.segments, 3))
+        out[:-1], out[-1] = g[1:], self.end_ruling(x)
         return out
 
     def local(self, x: Array) -> Array:
@@ -488,9 +489,7 @@ class Problem:
         axes = self._axes
         if axes is not None and not axes.shape[1]:
             return np.zeros((self.size, 0))
-        spun = np.zeros((self.band.segments, 21))
-        spun[:, _SPUN_AT] = x.reshape(-1, 7).take(_SPUN_OF, axis=1) * _SPUN_SIGNS
-        flat = spun.reshape(self.size, 3)
+        flat = np.concatenate((x, -x, _ZERO)).take(_spins(self.band.segments))
         if axes is not None:
             flat = flat @ axes
         if self.any_fixed:
@@ -509,20 +508,21 @@ def _full(entries: Array, places: tuple[NDArray[np.intp], NDArray[np.intp]]) -> 
     return out
 
 
-def _spins() -> tuple[NDArray[np.intp], NDArray[np.intp], Array]:
-    """Where (12,) the moves of a node by unit rotations stand in (7,3) flat, of which of its seven unknowns
-    they are, and their signs: columns are e_k x v, that is -[v]x, of u and of g."""
-    found = [
-        (3 * (first + row) + column, first + k, sign)
-        for first in (0, 3)
-        for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1))
-        for row, column, sign in ((i, j, 1.0), (j, i, -1.0))
-    ]
-    at, of, signs = zip(*found, strict=True)
-    return np.array(at), np.array(of), np.array(signs)
+@lru_cache(maxsize=4)
+def _spins(segments: int) -> IntArray:
+    """Which of (x, -x, 0) the moves by unit rotations are, (7N,3): columns are e_k x v, that is -[v]x, of u and
+    of g."""
+    size = 7 * segments
+    out = np.full((segments, 7, 3), 2 * size)
+    node = 7 * np.arange(segments)
+    for first in (0, 3):
+        for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+            out[:, first + i, j] = node + first + k
+            out[:, first + j, i] = node + first + k + size
+    return out.reshape(size, 3)
 
 
-_SPUN_AT, _SPUN_OF, _SPUN_SIGNS = _spins()
+_ZERO = np.zeros(1)
 
 
 def _cross(v: Array) -> Array:

@@ -94,8 +94,9 @@ class _Trail:
 
 
 def _track(options: Options, state: State, multipliers: Array) -> tuple[State, Array] | None:
-    """The stationary point next to a state, of any index, or None; nobody watches."""
-    result = solve(Problem(state.band), state.vector(), multipliers, replace(options, watch=None))
+    """The stationary point next to a state, of any index, or None; nobody watches, nor asks for the index."""
+    options = replace(options, judged=False, watch=None)
+    result = solve(Problem(state.band), state.vector(), multipliers, options)
     return (result.state, result.multipliers) if result.status in STATIONARY else None
 
 

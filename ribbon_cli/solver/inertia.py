@@ -127,8 +127,10 @@ class _Level:
 
     def backward(self, x: Array, edge: Array) -> None:
         """From solutions at the nodes that are left, and at the border, to those of the others."""
-        beyond = np.broadcast_to(edge, (self.factors.shape[0], *edge.shape))
-        others = np.concatenate((x[self.left], x[self.right], beyond), axis=1)
+        count, width, _ = self.factors.shape
+        others = np.empty((count, width - BLOCK, x.shape[2]))
+        others[:, :BLOCK], others[:, BLOCK : 2 * BLOCK] = x[self.left], x[self.right]
+        others[:, 2 * BLOCK :] = edge
         x[self.gone] -= np.swapaxes(self.factors[:, BLOCK:], 1, 2) @ others
 
 

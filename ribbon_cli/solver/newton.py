@@ -37,7 +37,9 @@ class Options:
     other topologies. `leave_saddles` is how many stationary points of positive index may be left.
     From a residual of `near_saddle` saddles are stepped onto, to be known and left on purpose.
     `guard` returns a sentence where a state must not be accepted (it changed its linking number), `way`
-    whether a step may be taken from one x to another.
+    whether a step may be taken from one x to another. Without `judged` nobody asks what a stationary point
+    is: one that Newton's next step hardly moves ends a solve as it is, of undecided index, on all but fine
+    grids.
     """
 
     tolerance: float = 1e-9
@@ -46,6 +48,7 @@ class Options:
     step_limit: float = 0.25
     leave_saddles: int = 6
     near_saddle: float = 1e-3
+    judged: bool = True
     guard: Guard | None = None
     way: Way | None = None
     watch: Watch | None = None
@@ -336,6 +339,8 @@ class _Solve:
             return self._judge_fine(point, matrix)
         factor = Factor(matrix, accelerated=True)
         following = self._settled(point, factor)
+        if following is not None and not self.options.judged:
+            return self._result(Status.UNDECIDED, point), None
         # What a settled point counts is to be true where Newton's next step leads as well, and with the
         # roundoff of the derivatives there.
         like = matrix if following is None else self._matrix_at(*following)

@@ -204,7 +204,8 @@ class _Inverse:
             return np.hstack([self.moves(forces[:, first : first + some]) for first in parts])
         n = self.matrix.size
         rhs = np.zeros((n + self.matrix.border, forces.shape[1]))
-        rhs[:n] = self.scale * np.where(self.matrix.fixed[:, None], 0.0, forces)
+        rhs[:n] = self.scale * forces
+        rhs[:n][self.matrix.fixed] = 0.0
         z = self.blocks.solve(rhs)
         for _ in range(self.refinements):
             z += self.blocks.solve(rhs - self._product(z))

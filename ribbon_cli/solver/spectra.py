@@ -12,7 +12,9 @@ name where none is that move.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy
@@ -43,21 +45,27 @@ SEARCHES = 4
 class Spectrum:
     """Modes in ascending order of eigenvalue.
 
-    `values`, `residuals` in the dual metric (an eigenvalue lies that near), `bounds` with roundoff added,
-    `sliding_overlap` and `hidden` (see `hidden_share`) are (k,); `labels` are one of rotation, sliding,
-    checkerboard, mode; `vectors` (m, N, 7), m <= k, are the lowest modes, of unit length in the metric.
-    `complete` says that all are there, 2N - 3 of a closed band.
+    `values`, `residuals` in the dual metric (an eigenvalue lies that near), `sliding_overlap` and `hidden`
+    (see `hidden_share`) are (k,); `labels` are one of rotation, sliding, checkerboard, mode; `vectors`
+    (m, N, 7), m <= k, are the lowest modes, of unit length in the metric. `complete` says that all are there,
+    2N - 3 of a closed band. `roundoff` makes what `bounds` add to the residuals, (k,).
     """
 
     metric: str
     complete: bool
     values: Array
     residuals: Array
-    bounds: Array
+    roundoff: Callable[[], Array]
     labels: tuple[str, ...]
     sliding_overlap: Array
     hidden: Array
     vectors: Array
+
+    @cached_property
+    def bounds(self) -> Array:
+        """The residuals with roundoff added (k,), made when they are first asked for: studies store none."""
+        out: Array = self.residuals + self.roundoff()
+        return out
 
 
 def sliding_tangent(problem: Problem, x: Array) -> Array:
@@ -129,12 +137,12 @@ def mode_label(overlap: float, hidden: float, spread: float) -> str:
 
 @dataclass(frozen=True)
 class _Found:
-    """Modes besides rotations, ascending: values, residuals, bounds (k,) and vectors (7N, k)."""
+    """Modes besides rotations of a Hessian, ascending: values, residuals (k,) and vectors (7N, k)."""
 
     values: Array
     residuals: Array
-    bounds: Array
     vectors: Array
+    hessian: scipy.sparse.csr_matrix
 
 
 def _assemble(
@@ -168,7 +176,7 @@ def _assemble(
         complete,
         joined(found.values),
         joined(found.residuals),
-        joined(found.bounds),
+        lambda: joined(roundoff(found.hessian, found.vectors)),
         tuple(names[k] for k in order),
         joined(overlaps),
         joined(hidden),
@@ -219,7 +227,7 @@ def _every(
     order = np.argsort(values, kind="stable")
     if (np.diff(order) < 0).any():
         values, residuals, vectors = values[order], residuals[order], vectors[:, order]
-    return _Found(values, residuals, residuals + roundoff(hessian, vectors), vectors)
+    return _Found(values, residuals, vectors, hessian)
 
 
 def lowest_spectra(
@@ -280,7 +288,7 @@ def _lowest(pencil: Pencil, count: int, *, last: bool) -> _Found:
             if last:
                 pencil.release()
             residuals = pencil.residuals(values, vectors)
-            return _Found(values, residuals, residuals + roundoff(pencil.hessian, vectors), vectors)
+            return _Found(values, residuals, vectors, pencil.hessian)
     raise FactorisationError(f"Lanczos misses some of the {count} lowest eigenvalues")
 
 

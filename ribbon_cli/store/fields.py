@@ -184,12 +184,12 @@ def scales(fields: list[Field], length: float, segments: int) -> list[Field]:
             if path not in found:
                 about = DIMENSIONS[dim]
                 item = Item(path, about.dtype, (dim,), about.equation, about.description)
-                found[path] = Field(item, _scale(dim, size, length / segments))
+                found[path] = Field(item, scale(dim, size, length / segments))
     return list(found.values())
 
 
-def _scale(dim: str, size: int, h: float) -> Value:
-    """Values along a dimension."""
+def scale(dim: str, size: int, h: float) -> Value:
+    """Values along a dimension, of facets of length h."""
     import numpy as np
 
     if dim == "xyz":

@@ -85,7 +85,8 @@ def encoded(record: StateRecord) -> tuple[bytes, Summary]:
     found += fields.scales(found, record.length, record.segments)
     fixed = [field for field in found if field.item.field not in _OF_ANY_WIDTH]
     others = [field for field in found if field.item.field in _OF_ANY_WIDTH]
-    blank, places = _blank(block_size(head), tuple((field.item, *_kind(field.value)) for field in fixed))
+    datasets = tuple((field.item, *_kind(field.value)) for field in fixed)
+    blank, places = _blank(block_size(head), datasets, record.length / record.segments)
     image = io.BytesIO(blank)
     for field in fixed:
         if field.item in places:
@@ -94,7 +95,7 @@ def encoded(record: StateRecord) -> tuple[bytes, Summary]:
     with _file_in(image) as file:
         _overwrite_text_attribute(file, "content_sha256", digest)
         for field in fixed:
-            if field.item in places:
+            if field.item in places or field.item.field in DIMENSIONS:
                 continue
             dataset = h5d.open(file.id, field.item.path.encode())
             _write_values(dataset, field.value)
@@ -107,12 +108,14 @@ def encoded(record: StateRecord) -> tuple[bytes, Summary]:
 
 @lru_cache(maxsize=16)
 def _blank(
-    block: int, datasets: tuple[tuple[Item, Any, tuple[int, ...]], ...]
+    block: int, datasets: tuple[tuple[Item, Any, tuple[int, ...]], ...], h: float
 ) -> tuple[bytes, dict[Item, int]]:
-    """A state file without values, and without the texts that are of another width in each state.
+    """A state file without values but for its scales, and without the texts that are of another width in each
+    state.
 
     Groups, datasets and their attributes are the same in most states of a run, and to make them takes
-    longer than to fill them. Single values lie in the file as they are: also where each of them goes.
+    longer than to fill them. So are scales where facets have the same length h. Single values lie in the file
+    as they are: also where each of them goes.
     """
     image = io.BytesIO()
     with _file_in(image, block) as file:
@@ -121,6 +124,9 @@ def _blank(
             write_text_attribute(file.id, name, text)
         _write_groups(file, [item for item, _, _ in datasets])
         made = {item: _create_dataset(file, item, kind, shape) for item, kind, shape in datasets}
+        for item, _, shape in datasets:
+            if item.field in DIMENSIONS:
+                _write_values(made[item], fields.scale(item.field, shape[0], h))
         _write_axes(file, made)
         places = {item: made[item].get_offset() for item, _, shape in datasets if not shape}
         made.clear()  # what is still open when the file is closed takes h5py longer
