@@ -13,6 +13,7 @@ from ribbon_cli.model.band import Array, Band, State
 from ribbon_cli.model.problem import Problem
 from ribbon_cli.recipes.cylinder import cylinder
 from ribbon_cli.recipes.twist import twist_stage
+from ribbon_cli.solver import threads
 from ribbon_cli.solver.continuation import Move, to_segments, to_width
 from ribbon_cli.solver.inertia import inertia
 from ribbon_cli.solver.kkt import KKTMatrix
@@ -22,6 +23,8 @@ from ribbon_cli.solver.status import Result
 from ribbon_cli.study.acceptance import checked, options_for
 
 from .peer import PeerResult, Start
+
+threads.MOST = 1  # one thread for each contestant
 
 HALF_TWISTS = 1
 SIGMA = -1

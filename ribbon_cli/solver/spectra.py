@@ -26,6 +26,7 @@ from .kkt import FactorisationError
 from .lanczos import largest_eigenpairs
 from .pencil import Pencil, roundoff
 from .tangent_basis import Basis, tangent_basis
+from .threads import mapped
 
 SLIDING_OVERLAP = 0.9
 CHECKERBOARD_SHARE = 0.5 + 1e-9
@@ -195,12 +196,13 @@ def full_spectra(
     basis = tangent_basis(problem, x, local)
     hessian = problem.hessian_matrix(local).tocsr()
     projected = basis.congruent(hessian)
-    out = []
-    for metric in metrics:
+
+    def in_metric(metric: str) -> Spectrum:
         mass = metric_named(metric).matrix(problem.state(x))
         found = _every(basis, hessian, mass, projected)
-        out.append(_assemble(problem, x, metric, mass, found, keep, complete=True))
-    return out
+        return _assemble(problem, x, metric, mass, found, keep, complete=True)
+
+    return mapped(in_metric, metrics)
 
 
 def _every(
