@@ -19,6 +19,7 @@ from ribbon_cli.model.problem import Problem
 from ribbon_cli.solver.inertia import inertia
 from ribbon_cli.solver.kkt import KKTMatrix
 from ribbon_cli.solver.lanczos import largest_eigenpairs
+from ribbon_cli.solver.linear import Factor
 from ribbon_cli.solver.pencil import Pencil
 from ribbon_cli.solver.prolongation import Phase
 from ribbon_cli.solver.spectra import (
@@ -120,8 +121,10 @@ def check_agreement(segments: int, rule: Discretisation) -> None:
     metrics = ("physical", "euclidean")
     for name, place, index in test_set(segments, rule):
         local, rotations = place.local, place.problem.rotations(place.x)
-        counted = inertia(KKTMatrix(place.problem, local, rotations))
+        matrix = KKTMatrix(place.problem, local, rotations)
+        counted = inertia(matrix)
         assert (counted.negative, counted.trusted) == (index, True), name
+        assert Factor(matrix).proves_index() == index, name
         for every in full_spectra(place.problem, place.x, local, metrics, 0):
             few = lowest_spectrum(place.problem, place.x, local, every.metric, 8)
             for spectrum in (few, every):

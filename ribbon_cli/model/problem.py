@@ -510,8 +510,8 @@ def _full(entries: Array, places: tuple[NDArray[np.intp], NDArray[np.intp]]) -> 
 
 @lru_cache(maxsize=4)
 def _spins(segments: int) -> IntArray:
-    """Which of (x, -x, 0) the moves by unit rotations are, (7N,3): columns are e_k x v, so -[v]x, of u and
-    of g."""
+    """Which of (x, -x, 0) the moves by unit rotations are, (7N,3): columns are e_k x v, that is -[v]x, of u
+    and of g."""
     size = 7 * segments
     out = np.full((segments, 7, 3), 2 * size)
     node = 7 * np.arange(segments)

@@ -178,6 +178,24 @@ class Factor:
             )
         return False
 
+    def proves_index(self, like: KKTMatrix | None = None) -> int | None:
+        """How many eigenvalues of the projected Hessian the pivots prove to be below `shift`; None if they do
+        not.
+
+        Of none it is as in `proves_minimum`. Otherwise the surplus is at least their number, as there. With
+        -delta there are as many negative eigenvalues as W - A^T A / delta has: beyond one for each row no
+        more than W_c has, to which that is restricted by so many conditions. So that surplus is at most their
+        number, and where both are the same, and roundoff changed neither, they are it.
+        """
+        like, most = like or self.matrix, 0 if self._negative is None else self.surplus
+        if most and self._contraction(like) < CONTRACTION:
+            self._factor(-self._delta)
+            least = 0 if self._negative is None else self.surplus
+            if least == most and self._contraction(like) < CONTRACTION:
+                return most
+            self._factor(-self._delta)
+        return 0 if self.proves_minimum(like) else None
+
     def _contraction(self, like: KKTMatrix) -> float:
         """Spectral radius of (L D L^T)^-1 E, E what L D L^T lacks of a matrix, by power iterations."""
         size = like.size

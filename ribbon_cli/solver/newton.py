@@ -344,8 +344,8 @@ class _Solve:
         # What a settled point counts is to be true where Newton's next step leads as well, and with the
         # roundoff of the derivatives there.
         like = matrix if following is None else self._matrix_at(*following)
-        negative = 0
-        if not factor.proves_minimum(like):
+        negative = factor.proves_index(like)
+        if negative is None:
             count = factor.counted(like)
             if not count.trusted:
                 return self._result(Status.UNDECIDED, point, detail=_doubt(count)), None

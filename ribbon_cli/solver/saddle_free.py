@@ -10,6 +10,7 @@ over the k negative eigenpairs alone, where W v_j = mu_j v_j + A^T nu_j.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -207,7 +208,7 @@ def _lanczos(
         diagonal[j] = basis[j] @ image
         for _ in range(2):  # twice is enough
             image = image - (known @ image) @ known
-        beside[j] = np.linalg.norm(image)
+        beside[j] = math.sqrt(image @ image)
         if j >= count and (j - count) % every == every - 1:
             values, y = _largest_of(diagonal[: j + 1], beside[:j], count)
             if (beside[j] * np.abs(y[-1]) <= tolerance * np.abs(values)).all():
