@@ -17,9 +17,10 @@ from ribbon_cli.solver import threads
 from ribbon_cli.solver.continuation import Move, to_segments, to_width
 from ribbon_cli.solver.inertia import inertia
 from ribbon_cli.solver.kkt import KKTMatrix
-from ribbon_cli.solver.newton import Options, estimate_multipliers, inverted_facets, solve
+from ribbon_cli.solver.newton import Options, estimate_multipliers, solve
 from ribbon_cli.solver.prolongation import Phase, phase_of, smooth
 from ribbon_cli.solver.status import Result
+from ribbon_cli.solver.steps import inverted_facets
 from ribbon_cli.study.acceptance import checked, options_for
 
 from .peer import PeerResult, Start

@@ -15,8 +15,9 @@ import scipy
 from ribbon_cli.model.band import Array
 from ribbon_cli.model.problem import LocalDerivatives, Problem
 from ribbon_cli.solver.kkt import FactorisationError
-from ribbon_cli.solver.newton import Options, change, inverted_facets
+from ribbon_cli.solver.newton import Options
 from ribbon_cli.solver.status import Iterate, Result, SaddleMet, Status
+from ribbon_cli.solver.steps import change, inverted_facets
 
 LARGEST = 200
 """Most segments accepted: beyond, one step takes seconds and the sparse solver gives the same one."""

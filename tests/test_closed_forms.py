@@ -12,8 +12,9 @@ from scipy.special import ellipe, ellipj, ellipk
 
 from ribbon_cli.model.band import Band, Discretisation, State
 from ribbon_cli.model.problem import Problem
-from ribbon_cli.solver.newton import Options, Result, inverted_facets, solve
+from ribbon_cli.solver.newton import Options, Result, solve
 from ribbon_cli.solver.status import Status
+from ribbon_cli.solver.steps import inverted_facets
 
 
 @pytest.mark.parametrize("rule", list(Discretisation))

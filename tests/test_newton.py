@@ -17,10 +17,11 @@ from ribbon_cli.model.band import Band, State
 from ribbon_cli.model.problem import Prescription, Problem
 from ribbon_cli.solver import ldl
 from ribbon_cli.solver.linear import Factor
-from ribbon_cli.solver.newton import SETTLED, Options, change, estimate_multipliers, inverted_facets, solve
+from ribbon_cli.solver.newton import SETTLED, Options, estimate_multipliers, solve
 from ribbon_cli.solver.resting_kkt import kkt_matrix
 from ribbon_cli.solver.spectra import lowest_spectrum
 from ribbon_cli.solver.status import Result, Status
+from ribbon_cli.solver.steps import change, inverted_facets
 
 Solver = Callable[..., Result]
 SADDLE, MINIMUM = 0.930715115, 0.925620733

@@ -13,7 +13,7 @@ from ribbon_cli.model.band import Band, State
 from ribbon_cli.model.folding import ClosureError
 from ribbon_cli.model.problem import Problem
 from ribbon_cli.solver.kkt import KKTMatrix
-from ribbon_cli.solver.newton import Options, inverted_facets, solve
+from ribbon_cli.solver.newton import Options, solve
 from ribbon_cli.solver.prolongation import (
     Phase,
     Start,
@@ -26,6 +26,7 @@ from ribbon_cli.solver.prolongation import (
     split,
 )
 from ribbon_cli.solver.status import Result, Status
+from ribbon_cli.solver.steps import inverted_facets
 
 E50, E100, E200, E400 = 5.135473172, 5.147912223884, 5.150751044, 5.15143268
 """Energies of the pi band's minima at b = 0.5; their differences are Table 3.1's 0.0124391, ..."""

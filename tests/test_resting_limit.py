@@ -9,11 +9,12 @@ import pytest
 from resting_support import resting
 
 from ribbon_cli.model.band import State
-from ribbon_cli.solver.newton import MOST_XI, Options, change, followed, solve, turned
+from ribbon_cli.solver.newton import Options, solve
 from ribbon_cli.solver.resting import RestingProblem
 from ribbon_cli.solver.resting_certificate import PENETRATION
 from ribbon_cli.solver.resting_exchange import AstrayError
 from ribbon_cli.solver.resting_set import SLIP, Guess, Rest, _passed, exchanged, found, rest_at, slopes
+from ribbon_cli.solver.steps import MOST_XI, change, followed, turned
 
 START = "pi-b1.65-N100"
 

@@ -16,8 +16,8 @@ from ribbon_cli.model.band import Discretisation
 from ribbon_cli.model.problem import Problem
 from ribbon_cli.parts import Ends
 from ribbon_cli.report.convergence import Entry, Extrapolation, convergence_rows
-from ribbon_cli.solver.newton import inverted_facets
 from ribbon_cli.solver.status import Result
+from ribbon_cli.solver.steps import inverted_facets
 from ribbon_cli.study import solve_config
 
 CONFIGS = Path(__file__).parents[1] / "configs" / "strips"

@@ -21,10 +21,11 @@ from ..parts import HALF_WIDTH
 from ..report.spectra import Counts, Element, Group, Mode, StateSpectrum
 from ..solver.inertia import Inertia, inertia
 from ..solver.kkt import FactorisationError
-from ..solver.newton import Options, inverted_facets
+from ..solver.newton import Options
 from ..solver.resting_kkt import kkt_matrix
 from ..solver.spectra import Spectrum, full_spectra, lowest_spectrum
 from ..solver.status import Status
+from ..solver.steps import inverted_facets
 from ..store import StateRecord, content_sha256
 from ..store.npz import UNKNOWN
 from ..study.records import all_multipliers_of, problem_with, state_of

@@ -154,7 +154,7 @@ class Problem:
     """
 
     xi_follows = False
-    """Whether steps in xi are taken as steps in tanh xi, and limit no step; see `solver.newton.followed`."""
+    """Whether steps in xi are taken as steps in tanh xi, and limit no step; see `solver.steps.followed`."""
 
     def __init__(self, band: Band, prescription: Prescription = FREE) -> None:
         self.band = band

@@ -31,12 +31,13 @@ from .bordered import BorderedSystem
 from .inertia import inertia
 from .kkt import FactorisationError, KKTMatrix
 from .linear import Factor
-from .newton import SETTLED, Guard, change, estimate_multipliers, inverted_facets, iterate_at
+from .newton import SETTLED, Guard, estimate_multipliers, iterate_at
 from .resting import RestingProblem, resting_rates
 from .resting_certificate import PENETRATION, certified
 from .resting_kkt import kkt_matrix
 from .saddle_free import newton_step
 from .status import Iterate, Result, Status
+from .steps import change, inverted_facets
 
 TOLERANCE = 1e-9
 GOAL = 1e-11

@@ -17,13 +17,14 @@ from ..model.problem import Problem
 from .arclength import nearest
 from .kkt import FactorisationError, KKTMatrix
 from .linear import Factor
-from .newton import Guard, change, inverted_facets, iterate_at
+from .newton import Guard, iterate_at
 from .newton import estimate_multipliers as estimated
 from .saddle_free import null_space
 from .status import STATIONARY, Result, Status
+from .steps import change, inverted_facets
 
 STEP_LIMIT = 0.15
-"""Change of one step, as in `newton.change`; halved where a step cannot be drawn back to the constraints."""
+"""Change of one step, as in `steps.change`; halved where a step cannot be drawn back to the constraints."""
 SHORTEST_LIMIT = 1e-3
 MOST_STEPS = 120
 CLOSE = 1e-5

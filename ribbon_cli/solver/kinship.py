@@ -15,8 +15,9 @@ from ..model.band import State
 from ..model.folding import ClosureError
 from ..model.problem import Problem
 from .continuation import to_segments
-from .newton import Options, change
+from .newton import Options
 from .prolongation import phase_of, smooth
+from .steps import change
 
 NEAR_CHANGE = 0.25
 NEAR_MEAN = 0.03

@@ -21,12 +21,12 @@ from ..parts import PARAMETERS
 from .arclength import CorrectorError, Point, Tangent, initial_tangent, point_at
 from .branch_events import Segment
 from .kkt import FactorisationError
-from .newton import change
 from .resting import RestingProblem
 from .resting_certificate import PULLS
 from .resting_exchange import OFF, NoRestError, off_features
 from .resting_set import DEPTH, SLIP, Rest, found, rest_at, slopes
 from .status import STATIONARY
+from .steps import change
 
 ACCURACY = 1e-7
 """Part of a step, and of the parameter as a pure number, to which the last place with the same gaps is

@@ -21,10 +21,11 @@ from ..model.touching_gaps import Pairs, places
 from ..model.touching_sides import Sides
 from .kkt import FactorisationError, KKTMatrix
 from .linear import Factor
-from .newton import Options, Stepper, iterate_at, solve, turned
+from .newton import Options, Stepper, iterate_at, solve
 from .resting import RestingProblem
 from .resting_kkt import RestingDerivatives, kkt_matrix
 from .status import STATIONARY, Iterate, Result, Status
+from .steps import turned
 
 OFF = 1e-6
 """How far off its features, in their coordinates, a place of contact may be."""

@@ -28,7 +28,7 @@ from ..model.touching_sides import Sides
 from ..parts import HALF_WIDTH
 from .kkt import FactorisationError
 from .linear import Factor
-from .newton import Options, change, solve
+from .newton import Options, solve
 from .prolongation import divided
 from .resting import RestingProblem, resting_rates
 from .resting_barrier import BarrierProblem
@@ -46,6 +46,7 @@ from .resting_exchange import (
 from .resting_kkt import RestingDerivatives, kkt_matrix
 from .resting_shares import shared_anew
 from .status import STATIONARY, Result, Status
+from .steps import change
 from .tracking import Way
 
 DEPTH = 1e-10

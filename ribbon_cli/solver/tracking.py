@@ -21,8 +21,8 @@ from ..model.rates import Rates, end_rate, rates
 from ..parts import HALF_WIDTH
 from .kkt import FactorisationError, KKTMatrix
 from .linear import Factor
-from .newton import change
 from .prolongation import Phase, clear_phase
+from .steps import change
 
 ENERGY_MISFIT = 2e-3
 """Largest error of the corrected trapezoid, relative to the energy that the step covers: 5e-4 on pi bands

@@ -22,11 +22,11 @@ from ..model.touching_audit import audit
 from ..model.touching_gaps import Pairs
 from ..parts import FREE
 from ..solver.kkt import FactorisationError
-from ..solver.newton import inverted_facets
 from ..solver.resting import RestingProblem, resting_reactions
 from ..solver.resting_set import Rest, rest_at
 from ..solver.spectra import Spectrum, full_spectra, lowest_spectra
 from ..solver.status import Result, SaddleMet, Status
+from ..solver.steps import inverted_facets
 from ..solver.threads import cpu_seconds
 from ..store import BranchRecord, Contacts, SpectrumRecord, StateRecord, Summary, encoded
 from .clock import Clock
