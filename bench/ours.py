@@ -25,7 +25,7 @@ from ribbon_cli.study.acceptance import checked, options_for
 
 from .peer import PeerResult, Start
 
-threads.MOST = 1  # one thread for each contestant
+threads.use(1)  # one thread for each contestant
 
 HALF_TWISTS = 1
 SIGMA = -1

@@ -130,6 +130,15 @@ def test_threads_keep_order_and_floating_point_errors_and_end(monkeypatch: pytes
     assert threading.active_count() == 1
 
 
+def test_no_thread_works_where_one_is_allowed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(threads, "cores", lambda: 3)
+    monkeypatch.setattr(threads, "_most", 4)
+    for most, others in ((1, False), (2, True)):
+        threads.use(most)
+        seen = threads.mapped(lambda _: threading.current_thread() is not threading.main_thread(), range(5))
+        assert seen == [others] * 5
+
+
 def test_threads_that_help_are_counted_in_processor_time(monkeypatch: pytest.MonkeyPatch) -> None:
     def work(_: int) -> None:
         end = time.thread_time() + 0.02

@@ -17,8 +17,14 @@ from typing import TypeVar
 T = TypeVar("T")
 R = TypeVar("R")
 
-MOST = 4
+_most = 4
 """Threads at most: what is between numpy's calls is done by one at a time."""
+
+
+def use(most: int) -> None:
+    """Let at most so many threads work from now on: one, where processes share the cores."""
+    global _most
+    _most = most
 
 
 _helped = threading.local()
@@ -47,7 +53,7 @@ def mapped(function: Callable[[T], R], items: Iterable[T]) -> list[R]:
         return function(item), time.thread_time() - began
 
     todo = list(items)
-    count = min(cores(), len(todo), MOST)
+    count = min(cores(), len(todo), _most)
     if count < 2:
         return [function(item) for item in todo]
     pool = ThreadPoolExecutor(count)

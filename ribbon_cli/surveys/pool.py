@@ -16,6 +16,7 @@ from multiprocessing.process import BaseProcess
 from typing import Any, NamedTuple, TypeVar
 
 from ..errors import RibbonError
+from ..solver import threads
 from ..study.process import ONE_THREAD
 
 T = TypeVar("T")
@@ -111,6 +112,7 @@ def _end(worker: _Worker) -> None:
 
 def _serve(connection: Connection, work: Callable[[Any], Any]) -> None:
     """The life of a worker; an interrupt from the terminal is for the process that asked."""
+    threads.use(1)  # other workers have the other cores
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     while True:
         try:

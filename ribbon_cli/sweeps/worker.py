@@ -12,6 +12,7 @@ from threading import Thread
 from types import FrameType
 from typing import Any, NoReturn
 
+from ..solver import threads
 from ..study.process import Stopped, heed, stop
 from ..study.progress import Event, Step
 from .point import Task, solve_point
@@ -22,6 +23,7 @@ _GRACE = 5.0
 
 def main(descriptor: int) -> None:
     """Run tasks from a connection until it ends; SIGTERM leaves a run that resumes."""
+    threads.use(1)  # other workers have the other cores
     # Ctrl-C in a terminal is the parent's to hear.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     heed(signal.SIGTERM)
