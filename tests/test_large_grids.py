@@ -153,20 +153,32 @@ def test_threads_that_help_are_counted_in_processor_time(monkeypatch: pytest.Mon
 
 
 def test_memory_is_held_where_the_c_library_can(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: list[tuple[int, int]] = []
+    asked: list[tuple[int, ...]] = []
 
     class Glibc:
-        @staticmethod
-        def mallopt(name: int, value: int) -> int:
-            asked.append((name, value))
-            return 1
+        mallopt = staticmethod(lambda *values: asked.append(values))
+        malloc_trim = mallopt
 
     monkeypatch.setattr(memory.ctypes, "CDLL", lambda _: Glibc)
     memory.hold_memory()
-    assert dict(asked) == {-4: 0, -8: 1, -1: 1 << 30}
+    assert asked == [(-4, 0), (-8, 1), (-1, 1 << 30)]
+    memory.leave_grid(kkt.FINE)
+    assert len(asked) == 3
+    memory.leave_grid(kkt.FINE + 1)
+    assert asked[3:] == [(0,)]
     monkeypatch.setattr(memory.ctypes, "CDLL", lambda _: object())  # another C library
     memory.hold_memory()
-    assert len(asked) == 3
+    memory.leave_grid(kkt.FINE + 1)
+    assert len(asked) == 4
+
+
+@pytest.mark.usefixtures("fine")
+def test_a_fine_grid_that_was_left_holds_no_factors(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Those of the last level went when it was stored."""
+    monkeypatch.setattr(memory.kkt, "FINE", 60)
+    outcome = solve_config(parse_config(SMALL + "refinement: [20, 40, 80]\n", "small.yaml"), tmp_path)
+    assert [target.certified for target in outcome.targets] == [True, True, True]
+    assert kkt._last_pattern.cache_info().currsize == 0
 
 
 def test_what_a_thread_raises_is_raised_and_the_rest_left_out(monkeypatch: pytest.MonkeyPatch) -> None:

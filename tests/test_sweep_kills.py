@@ -16,10 +16,11 @@ from ribbon_cli.store import Run, list_runs
 
 
 def begun(folder: Path, text: str, states: int, *words: str):
-    """A sweep that runs, once so many states are on disk; with its worker processes."""
+    """A sweep that runs, once so many states are on disk and all workers are there; with these."""
     (folder / "sweep.yaml").write_text(text)
     process = spawn("sweep", "sweep.yaml", *words, cwd=folder)
-    while len(commits(folder / "runs")) < states:
+    count = int(words[words.index("--workers") + 1]) if "--workers" in words else 0
+    while len(commits(folder / "runs")) < states or len(workers_of(process.pid)) < count:
         assert process.poll() is None, process.communicate()
         time.sleep(0.005)
     return process, workers_of(process.pid)

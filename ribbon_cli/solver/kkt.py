@@ -164,6 +164,11 @@ def _last_pattern(layout: Layout, rotations: int) -> Pattern:
     return _built_pattern(layout, rotations)
 
 
+def let_go() -> None:
+    """Let the pattern of the last fine grid go, and the factors that wait there for another matrix."""
+    _last_pattern.cache_clear()
+
+
 def pattern_of(upper: Scatter) -> Pattern:
     """The pattern of a symmetric matrix from that of its upper triangle, whose diagonal is full."""
     # Sorted columns of an upper triangle end on the diagonal.

@@ -16,6 +16,7 @@ from ..store.events import GIVEN_UP
 from .clock import Clock, Origin
 from .failure import Failure, way_facts
 from .journal import Journal
+from .memory import leave_grid
 from .progress import Progress
 from .progress import Stage as Begun
 
@@ -237,7 +238,11 @@ class Walk:
 
             return refined(self, start, segments, stage, splitting=splitting)
 
-        return self.reach(Stage(stage, start.half_width, segments, kind, start.label), solve)
+        before = self.journal.new_states
+        found = self.reach(Stage(stage, start.half_width, segments, kind, start.label), solve)
+        if self.journal.new_states > before:
+            leave_grid(segments)
+        return found
 
 
 class Touching(Protocol):
