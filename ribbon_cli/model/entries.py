@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import stencil
-from .stencil import G1, SIZE, U0, X0, G, U, X
+from .band import Array
+from .stencil import G1, OF_G, OF_XI, SIZE, U0, X0, G, U, X
 from .term import Couplings
 
 PER_NODE = 5
@@ -92,18 +93,14 @@ def hessian_places(couplings: Couplings) -> tuple[NDArray[np.intp], NDArray[np.i
 
 
 @lru_cache(maxsize=32)
-def signed_hessian(couplings: Couplings) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """The entries of the Hessian in a row or a column, but not both, of xi_{i-1}, and those of g_{i+1}."""
-    places = np.array(hessian_places(couplings))
-    return _ones_of(places, X0, X), _ones_of(places, G1.start, G1.stop)
+def signed_hessian(couplings: Couplings) -> tuple[Array, Array]:
+    """Signs (E,) of the Hessian's entries where xi_{i-1} has another: -1 for those in a row or a column, but
+    not both, of it; and where g_{i+1} has."""
+    rows, columns = hessian_places(couplings)
+    return OF_XI[rows] * OF_XI[columns], OF_G[rows] * OF_G[columns]
 
 
 @lru_cache(maxsize=1)
-def signed_jacobian() -> tuple[None, NDArray[np.intp]]:
-    """The entries of the Jacobian in the column of xi_{i-1}, which are none, and in those of g_{i+1}."""
-    return None, _ones_of(JACOBIAN_COLUMNS[None], G1.start, G1.stop)
-
-
-def _ones_of(places: NDArray[np.intp], first: int, last: int) -> NDArray[np.intp]:
-    """The places (k,E) of which one number is from `first` up to `last`."""
-    return np.flatnonzero(((places >= first) & (places < last)).sum(axis=0) == 1)
+def signed_jacobian() -> tuple[None, Array]:
+    """The same of the Jacobian's entries (37,), of which none is in the column of xi_{i-1}."""
+    return None, OF_G[JACOBIAN_COLUMNS]

@@ -29,6 +29,9 @@ IntArray = NDArray[np.int64]
 U0, U, G, G1 = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12)
 X0, X = 12, 13
 SIZE = 14
+OF_XI, OF_G = np.ones(SIZE), np.ones(SIZE)
+"""Signs of the local vector's components where xi_0 has another, and where g_{N+1} has."""
+OF_XI[X0], OF_G[G1] = -1.0, -1.0
 
 
 class Seam(Enum):
@@ -84,16 +87,15 @@ class Stencil:
         self.apply_signs(local)
         return local
 
-    def apply_signs(
-        self, values: Array, of_xi: int | IntArray | None = X0, of_g: slice | IntArray = G1
-    ) -> None:
-        """Multiply values (k, M) by the seam's signs in place: rows `of_xi`, if there are such, by that of
-        xi_0, rows `of_g` by that of g_{N+1}."""
+    def apply_signs(self, values: Array, of_xi: Array | None = OF_XI, of_g: Array = OF_G) -> None:
+        """Multiply values (k, M) by the seam's signs in place: with sigma = -1 by `of_xi` (k,) at the first
+        node, -1 where values change with the sign of xi_0, and by `of_g` (k,) at the last, where they change
+        with that of g_{N+1}. A product with all rows is faster than one with some."""
         if self.sigma < 0:
             if of_xi is not None:
-                values[of_xi, 0] *= -1.0
+                values[:, 0] *= of_xi
             if self.seam is Seam.CLOSED:
-                values[of_g, -1] *= -1.0
+                values[:, -1] *= of_g
 
     def fold_back(self, values: Array) -> None:
         """Add what belongs to xi_{i-1} to xi_i at both ends, where they are one, (14, M) in place."""
