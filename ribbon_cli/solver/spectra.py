@@ -26,7 +26,6 @@ from .kkt import FactorisationError
 from .lanczos import largest_eigenpairs
 from .pencil import Pencil, roundoff
 from .tangent_basis import Basis, tangent_basis
-from .threads import mapped
 
 SLIDING_OVERLAP = 0.9
 CHECKERBOARD_SHARE = 0.5 + 1e-9
@@ -123,7 +122,7 @@ def hidden_share(problem: Problem, vectors: Array) -> tuple[Array, Array]:
     before[0] = problem.band.sigma * before[0] if problem.band.closed else xi[0]
     seen, hidden = ((xi + before) ** 2).sum(axis=0), ((xi - before) ** 2).sum(axis=0)
     # Where a mode has no xi but roundoff, nothing is hidden.
-    void = seen + hidden <= 1e-20 * (vectors**2).sum(axis=0)
+    void = seen + hidden <= 1e-20 * np.einsum("ij,ij->j", vectors, vectors)
     whole, part = np.where(void, 1.0, seen + hidden), np.where(void | (hidden == 0.0), 1.0, hidden)
     spread = 1.0 / (((xi - before) ** 2 / part) ** 2).sum(axis=0).clip(min=1.0 / problem.band.segments)
     return np.where(void, 0.0, hidden / whole), np.where(void, 0.0, spread)
@@ -196,13 +195,12 @@ def full_spectra(
     basis = tangent_basis(problem, x, local)
     hessian = problem.hessian_matrix(local).tocsr()
     projected = basis.congruent(hessian)
-
-    def in_metric(metric: str) -> Spectrum:
+    out = []
+    for metric in metrics:
         mass = metric_named(metric).matrix(problem.state(x))
         found = _every(basis, hessian, mass, projected)
-        return _assemble(problem, x, metric, mass, found, keep, complete=True)
-
-    return mapped(in_metric, metrics)
+        out.append(_assemble(problem, x, metric, mass, found, keep, complete=True))
+    return out
 
 
 def _every(

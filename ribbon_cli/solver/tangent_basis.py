@@ -120,7 +120,7 @@ class FoldedBasis:
     def _reflected(self, columns: Array, transposed: str) -> Array:
         """Q or its transpose times columns (2N, k)."""
         work = 64 * max(1, columns.shape[1])
-        # LAPACK changes the reflectors for a while and puts them back: threads must not share them.
+        # LAPACK changes the reflectors for a while and puts them back: threads that share them spoil them.
         own = self._qr.copy(order="F")
         out: Array = self._multiply("L", transposed, own, self._tau, np.asfortranarray(columns), work)[0]
         return out
