@@ -27,6 +27,8 @@ CLOSE_STEPS = 40
 COLUMNS = 6
 """Columns that are solved for at once on fine grids, where each takes memory in a dozen arrays."""
 REFINEMENTS = 2
+FEW_REFINEMENTS = 1
+"""Refinements of a solution, and on fine grids those of a length that is wanted to three digits."""
 ROUNDOFF = 8.0
 """Roundoff of a Rayleigh quotient in units of eps |v|^T |W| |v|: nine products of two factors a row, most of
 whose errors cancel."""
@@ -160,7 +162,8 @@ class Pencil:
         """
         excess = self.hessian @ vectors - (self.mass @ vectors) * values
         empty = self.matrix.without_hessian()
-        project = _Inverse(empty, self.mass, -1.0, BlockReduction(empty, -1.0, self._nodes))
+        refinements = FEW_REFINEMENTS if self.size > 7 * FINE else REFINEMENTS
+        project = _Inverse(empty, self.mass, -1.0, BlockReduction(empty, -1.0, self._nodes), refinements)
         dual = np.einsum("ij,ij->j", excess, project.moves(excess))
         # Where roundoff makes one negative, its size says how far it can be trusted.
         out: Array = np.sqrt(np.abs(dual))

@@ -16,7 +16,8 @@ else:
 _TRIM_THRESHOLD, _MMAP_MAX, _ARENA_MAX = -1, -4, -8
 """mallopt(3): how much may be free at the heap's end, how many pieces may have a mapping of their own, and
 how many heaps threads may have: what one of them frees then serves the others."""
-_MOST_FREE = 1 << 30
+_NEVER = -1
+"""For the first of them, that memory is given back where `leave_grid` says so alone."""
 
 
 def hold_memory() -> None:
@@ -26,7 +27,7 @@ def hold_memory() -> None:
     touched: a third of the time on fine grids, where arrays of a hundred megabytes come and go. Does nothing
     where the C library is not glibc.
     """
-    for name, value in ((_MMAP_MAX, 0), (_ARENA_MAX, 1), (_TRIM_THRESHOLD, _MOST_FREE)):
+    for name, value in ((_MMAP_MAX, 0), (_ARENA_MAX, 1), (_TRIM_THRESHOLD, _NEVER)):
         _call("mallopt", name, value)
 
 

@@ -240,7 +240,7 @@ class Walk:
 
         before = self.journal.new_states
         found = self.reach(Stage(stage, start.half_width, segments, kind, start.label), solve)
-        if self.journal.new_states > before:
+        if self.journal.new_states > before and kind != "intermediate":  # which has no spectra
             leave_grid(segments)
         return found
 
