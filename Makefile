@@ -83,6 +83,13 @@ test-minimum: $(MINIMUM)/ready ## run the quick tests on the lowest supported ve
 		--ignore=tests/test_hdf5_readers.py --ignore=tests/test_api_door.py --ignore=tests/test_notebook.py \
 		--ignore=tests/test_contact_pictures.py --ignore=tests/test_export_gltf.py --ignore=tests/test_solid.py \
 		--ignore=tests/test_table_of_states.py \
+		--deselect tests/test_sweep_ends.py::test_a_cell_has_a_state_only_at_the_end_of_its_schedule \
+		--deselect tests/test_sweep_ends.py::test_a_state_continued_to_another_width_leaves_its_point \
+		--deselect tests/test_resting_store.py::test_frames_datasets_and_states_have_contacts \
+		--deselect tests/test_store_strips.py::test_ls_has_a_column_for_what_varies \
+		--deselect tests/test_store_strips.py::test_python_follows_and_finds_in_any_parameter \
+		--deselect "tests/test_self_contact.py::test_every_export_warns_once[stl]" \
+		--deselect "tests/test_self_contact.py::test_the_file_says_so_where_it_carries_notes[stl]" \
 		--deselect "tests/test_docs.py::test_the_examples_run[docs/format.md]" \
 		--deselect "tests/test_docs.py::test_the_examples_run[docs/python.md]" \
 		--deselect "tests/test_docs.py::test_the_examples_run[docs/tutorial.md]"

@@ -372,4 +372,4 @@ def test_modes_are_numbered_by_whole_numbers(count, scale):
     figure.canvas.draw()
     assert axes.get_xscale() == scale
     texts = [label.get_text() for label in axes.get_xticklabels()]
-    assert [text for text in texts if text and not re.fullmatch(r"0\.1|[0-9]+", text)] == []
+    assert [text for text in texts if text and not re.fullmatch(r"0\.0?1|[0-9]+", text)] == []

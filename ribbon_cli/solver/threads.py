@@ -6,13 +6,14 @@ than what is between calls.
 
 from __future__ import annotations
 
-import contextvars
 import os
 import threading
 import time
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
+
+import numpy as np
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -48,9 +49,12 @@ def mapped(function: Callable[[T], R], items: Iterable[T]) -> list[R]:
     raises is raised, and so is what interrupts the wait; calls not begun by then are left out.
     """
 
+    handling = np.geterr()  # of floating-point errors: threads begin without what holds here
+
     def call(item: T) -> tuple[R, float]:
         began = time.thread_time()
-        return function(item), time.thread_time() - began
+        with np.errstate(**handling):
+            return function(item), time.thread_time() - began
 
     todo = list(items)
     count = min(cores(), len(todo), _most)
@@ -58,8 +62,7 @@ def mapped(function: Callable[[T], R], items: Iterable[T]) -> list[R]:
         return [function(item) for item in todo]
     pool = ThreadPoolExecutor(count)
     try:
-        # numpy's handling of floating-point errors is the context's, which a thread begins without.
-        calls = [pool.submit(contextvars.copy_context().run, call, item) for item in todo]
+        calls = [pool.submit(call, item) for item in todo]
         found = [each.result() for each in calls]
         _helped.seconds = getattr(_helped, "seconds", 0.0) + sum(seconds for _, seconds in found)
         return [result for result, _ in found]
