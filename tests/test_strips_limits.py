@@ -30,6 +30,15 @@ LIMITS = {
     ("shear", 0.3, 0.1): 2.7124566,
 }
 """By parameter, its value and the half-width; the span is 0.5 with a twist and 0.75 with a shear."""
+THROUGH = """
+schedule:
+  - {span: 0.75}
+  - {shear: {to: 0.3, steps: 6}}
+  - {half_width: 0.1}
+refinement: {levels: [100, 200, 400, 800], at: [0.05, 0.1]}
+spectrum: {modes: 0, full_up_to: 0}
+"""
+"""The way to the limits in shear; the config of that name goes farther, on coarser meshes."""
 SHEARED = {
     (0.05, 100): 1.130650388,
     (0.05, 200): 1.130552431,
@@ -69,6 +78,7 @@ def limits(name: str, rule: str, folder: Path) -> dict[tuple[str, float, float],
     """The limits at the ends of a config's legs, under a rule."""
     data = yaml.safe_load((CONFIGS / f"{name}.yaml").read_text(encoding="utf-8"))
     data |= {"name": f"{name}-{rule}", "discretisation": rule}
+    data |= yaml.safe_load(THROUGH) if name == "sheared" else {}
     outcome = solve_config(parse_config(yaml.safe_dump(data), f"{name}.yaml"), folder)
     assert outcome.exit_code == 0
     parameter = "twist" if name == "twisted" else "shear"
