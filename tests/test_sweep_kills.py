@@ -12,6 +12,7 @@ from cli_support import ribbon, run, spawn
 from sweep_support import BANDS, RINGS, commits, ended, hashes, workers_of
 from sweep_support import undisturbed as undisturbed  # the fixture `whole`
 
+from ribbon_cli.solver.threads import cores
 from ribbon_cli.store import Run, list_runs
 
 
@@ -46,6 +47,7 @@ def committed(folder: Path) -> dict[Path, int]:
     }
 
 
+@pytest.mark.skipif(cores() < 2, reason="two workers take two cores")
 def test_a_killed_sweep_is_finished_by_the_same_line(tmp_path, whole):
     process, workers = begun(tmp_path, RINGS, 2, "--workers", "2")
     process.kill()
