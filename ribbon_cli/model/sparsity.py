@@ -112,9 +112,8 @@ class Scatter:
         place = self.slot[order]
         begins = np.flatnonzero(np.diff(place, prepend=-1))
         number = np.arange(known) - np.repeat(begins, np.diff(begins, append=known))
-        first: IntArray = np.full(
-            self.indices.size, known, dtype=order.dtype
-        )  # the value that stands for zeros
+        # Where nothing comes first there is the value that stands for zeros.
+        first: IntArray = np.full(self.indices.size, known, dtype=order.dtype)
         first[place[begins]] = order[begins]
         more = [number == k for k in range(1, int(number.max(initial=0)) + 1)]
         if len(more) > MOST_ROUNDS:
